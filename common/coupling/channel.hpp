@@ -1,0 +1,42 @@
+// How bytes travel between the coupler and one participant.   SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace undine::link
+{
+
+/// Something is wrong with the partner or with what it says; `code` is an exit code of common/error.hpp.
+class ProtocolError : public std::runtime_error
+{
+public:
+  ProtocolError(int code, const std::string& text) : std::runtime_error(text), code_(code) {}
+  int code() const { return code_; }
+
+private:
+  int code_;
+};
+
+/// An ordered, reliable, two-way stream of whole messages.
+class Channel
+{
+public:
+  virtual ~Channel() = default;
+  /// Start sending; the bytes may be reused when the call returns.
+  virtual void send(std::span<const std::byte> message) = 0;
+  /// Wait for the next message (back-off sleep, so that a waiting process does not steal the core of a computing one).
+  /// @throws ProtocolError(36) when nothing came for the stall limit; the text says how long and is completed by the caller
+  virtual void receive(std::vector<std::byte>& message) = 0;
+};
+
+/// Two connected ends inside one process (two threads): for tests and small problems.
+/// `stall_seconds` ≤ 0 waits for ever. An end that is destroyed makes the other's receive throw ProtocolError(36).
+std::pair<std::unique_ptr<Channel>, std::unique_ptr<Channel>> memory_channel(double stall_seconds = 30.0);
+
+} // namespace undine::link
