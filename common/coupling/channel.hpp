@@ -30,13 +30,16 @@ public:
   virtual ~Channel() = default;
   /// Start sending; the bytes may be reused when the call returns.
   virtual void send(std::span<const std::byte> message) = 0;
-  /// Wait for the next message (back-off sleep, so that a waiting process does not steal the core of a computing one).
-  /// @throws ProtocolError(36) when nothing came for the stall limit; the text says how long and is completed by the caller
+  /// Wait for the next message (back-off sleep, so that a waiting process does not steal the core of a
+  /// computing one).
+  /// @throws ProtocolError(36) when nothing came for the stall limit; the text says how long and is completed
+  /// by the caller
   virtual void receive(std::vector<std::byte>& message) = 0;
 };
 
 /// Two connected ends inside one process (two threads): for tests and small problems.
-/// `stall_seconds` ≤ 0 waits for ever. An end that is destroyed makes the other's receive throw ProtocolError(36).
+/// `stall_seconds` ≤ 0 waits for ever. An end that is destroyed makes the other's receive throw
+/// ProtocolError(36).
 std::pair<std::unique_ptr<Channel>, std::unique_ptr<Channel>> memory_channel(double stall_seconds = 30.0);
 
 } // namespace undine::link

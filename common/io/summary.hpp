@@ -1,4 +1,5 @@
-// summary.json: what a run was, cost and conserved, written by each program as a part and merged by scripts/run.
+// summary.json: what a run was, cost and conserved, written by each program as a part and merged by
+// scripts/run.
 #pragma once
 
 #include <string>

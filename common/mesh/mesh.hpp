@@ -61,13 +61,15 @@ template <int dim>
 Surface boundary_of(const Mesh<dim>& mesh);
 
 /// Structured box [origin, origin + size] with `cells` elements along each axis.
-/// Types: triangle3, quadrilateral4 (dim = 2), tetrahedron4, hexahedron8 (dim = 3). Surfaces: left/right (x), bottom/top (y),
-/// and in 3-D back/front (z); y is the vertical in both dimensions.
+/// Types: triangle3, quadrilateral4 (dim = 2), tetrahedron4, hexahedron8 (dim = 3). Surfaces: left/right (x),
+/// bottom/top (y), and in 3-D back/front (z); y is the vertical in both dimensions.
 template <int dim>
-Mesh<dim> box_mesh(const Vec<dim>& origin, const Vec<dim>& size, const std::array<int, dim>& cells, ElementType type);
+Mesh<dim> box_mesh(const Vec<dim>& origin, const Vec<dim>& size, const std::array<int, dim>& cells,
+                   ElementType type);
 
-/// Gmsh MSH 2.2 and 4.1, ASCII and binary: points, lines, triangles, quads, tets, hexes; physical groups become blocks
-/// (dimension dim), surfaces (dimension dim − 1) and node sets (below). Facet orientation is made outward.
+/// Gmsh MSH 2.2 and 4.1, ASCII and binary: points, lines, triangles, quads, tets, hexes; physical groups
+/// become blocks (dimension dim), surfaces (dimension dim − 1) and node sets (below). Facet orientation is
+/// made outward.
 /// @throws InputError (exit code 4) naming file, element number and physical group
 template <int dim>
 Mesh<dim> read_gmsh(const std::string& path);
