@@ -1,5 +1,5 @@
-// From MPI_COMM_WORLD to roles: HELLO with a deadline before any collective call.   SPDX-License-Identifier:
-// BSD-3-Clause
+// From MPI_COMM_WORLD to roles: HELLO with a deadline before any collective call.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include "common/coupling/channel.hpp"
@@ -42,8 +42,8 @@ class World
 {
 public:
   /// Collective over all ranks of MPI_COMM_WORLD, without a collective MPI call before every rank has spoken.
-  /// @throws ProtocolError 32 no hello (names ranks), 33 version, 34 different case, 35 role missing or
-  /// doubled
+  /// Every rank throws the same error, that of world rank 0, and should then call abort_world().
+  /// @throws ProtocolError 32 no hello (names ranks), 33 version, 34 different case, 35 roles do not fit
   static World connect(const Identity&, const Deadlines&);
   World(World&&) noexcept;
   ~World();
@@ -61,7 +61,11 @@ private:
 };
 
 /// Print `text`, write FAILED.toml into `out_dir` (if not empty and not there yet) and
-/// MPI_Abort(MPI_COMM_WORLD, code).
+/// MPI_Abort(MPI_COMM_WORLD, code); before MPI_Init or after MPI_Finalize _Exit(code).
+/// When several programs see the same error only one shall speak: world rank 0 in the hand-shake, the coupler
+/// in the run. The others wait 0.3 s and more, five seconds if they announced the failure with a FAIL
+/// message, and are normally killed meanwhile. A FAILED.toml of an earlier run must have been removed at the
+/// start of this one.
 [[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
                               const std::string& out_dir);
 

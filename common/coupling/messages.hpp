@@ -1,5 +1,5 @@
-// What the three programs say to each other, independent of how the bytes travel.   SPDX-License-Identifier:
-// BSD-3-Clause
+// What the three programs say to each other, independent of how the bytes travel.
+// SPDX-License-Identifier: BSD-3-Clause
 //
 // One participant (a fluid or a solid) talks to the coupler only. All vectors belong to the participant's
 // *wet surface*: the union of all its interface faces, each node once, in the order of its MESH message; rows
@@ -47,11 +47,11 @@ struct SurfaceMesh
   std::vector<std::string> interfaces; ///< names; face_interface indexes them
   std::vector<std::int64_t> node_id;   ///< global, unique, size n
   std::vector<double> x;               ///< current position [m], n × dim
-  std::vector<double>
-      inverse_mass; ///< symmetric matrix per node [1/kg], n × dim × dim; zero in constrained directions
+  /// Symmetric matrix per node [1/kg], n × dim × dim; zero in constrained directions.
+  std::vector<double> inverse_mass;
   std::vector<std::int32_t> face_offset{0}; ///< CSR, size n_faces + 1
-  std::vector<std::int32_t>
-      face_nodes; ///< positions in node_id, outward orientation of the participant's body
+  /// Positions in node_id, outward orientation of the participant's body.
+  std::vector<std::int32_t> face_nodes;
   std::vector<std::int32_t> face_interface; ///< size n_faces
 
   std::int64_t n_nodes() const { return static_cast<std::int64_t>(node_id.size()); }
@@ -64,8 +64,8 @@ struct Report
   double stable_dt = 0.0;       ///< largest step it can take next, safety factor included [s]
   double kinetic_energy = 0.0;  ///< [J]
   double internal_energy = 0.0; ///< [J]
-  double external_work =
-      0.0; ///< cumulated work of loads and prescribed motion, gravity's potential included [J]
+  /// Cumulated work of loads and prescribed motion, gravity's potential included [J].
+  double external_work = 0.0;
   double dissipated_energy = 0.0; ///< cumulated [J]
   double interface_work = 0.0;    ///< cumulated work of the link forces as seen by the participant [J]
   double mass = 0.0;              ///< [kg]
