@@ -15,7 +15,8 @@ struct Body
   double density = 0.0; ///< reference density [kg/m³]
 };
 
-/// Call `visit(block, law)` with the concrete types: the one place where element and law are looked up, outside the loops.
+/// Call `visit(block, law)` with the concrete types: the one place where element and law are looked up,
+/// outside the loops.
 template <int dim, class Visitor>
 decltype(auto) visit_body(const Body<dim>& body, Visitor&& visit)
 {

@@ -41,8 +41,8 @@ std::array<bool, dim> components(const std::vector<std::string>& names, const st
   {
     const int i = name == "x" ? 0 : name == "y" ? 1 : name == "z" ? 2 : -1;
     if (i < 0 || i >= dim)
-      throw InputError(key + " contains \"" + name + "\": must be of " + (dim == 2 ? "x, y" : "x, y, z") + " in " +
-                       std::to_string(dim) + "-D");
+      throw InputError(key + " contains \"" + name + "\": must be of " + (dim == 2 ? "x, y" : "x, y, z") +
+                       " in " + std::to_string(dim) + "-D");
     flags[static_cast<std::size_t>(i)] = true;
   }
   return flags;
@@ -58,8 +58,9 @@ void prescribe(PrescribedMotion<dim>& motion, const std::array<bool, dim>& which
     if (!which[c])
       continue;
     if (motion.fixed[c] && motion.v[i] != v[i])
-      throw InputError(key + ": component " + std::string(1, "xyz"[i]) + " of a node on this set already has the velocity " +
-                       std::to_string(motion.v[i]) + " m/s from another [[solid.fix]] or [[solid.velocity]]; " +
+      throw InputError(key + ": component " + std::string(1, "xyz"[i]) +
+                       " of a node on this set already has the velocity " + std::to_string(motion.v[i]) +
+                       " m/s from another [[solid.fix]] or [[solid.velocity]]; " +
                        "leave that component out of one of them");
     motion.fixed[c] = true;
     motion.v[i] = v[i];

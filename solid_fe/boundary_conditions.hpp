@@ -13,7 +13,8 @@
 namespace undine::solid
 {
 
-/// The facets of the surface `name`. @throws InputError listing the surfaces there are and the nearest name; `key` says who asks
+/// The facets of the surface `name`. @throws InputError listing the surfaces there are and the nearest name;
+/// `key` says who asks
 template <int dim>
 const Surface& find_surface(const Mesh<dim>& mesh, const std::string& name, const std::string& key);
 
@@ -30,7 +31,8 @@ struct PrescribedMotion
 };
 
 /// All prescribed motions by node.
-/// @throws InputError for unknown names, components outside the dimension, and one component told two different velocities
+/// @throws InputError for unknown names, components outside the dimension, and one component told two
+/// different velocities
 template <int dim>
 std::map<index_t, PrescribedMotion<dim>> prescribed_motion(const Mesh<dim>& mesh, const SolidConfig& config);
 

@@ -26,7 +26,8 @@ double stable_step(const Body<dim>& body, std::span<const Vec<dim>> u)
                        worst.full = std::max(worst.full, bound.full);
                        worst.volumetric = std::max(worst.volumetric, bound.volumetric);
                      }
-                     highest = std::max(highest, worst.full * block.gamma[e] + worst.volumetric * block.delta[e]);
+                     highest =
+                         std::max(highest, worst.full * block.gamma[e] + worst.volumetric * block.delta[e]);
                    }
                    return highest / body.density;
                  });

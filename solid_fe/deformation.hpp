@@ -1,4 +1,5 @@
-// Measures of deformation as functions of the displacement gradient H = ∂u/∂X, written without cancellation at small H.
+// Measures of deformation as functions of the displacement gradient H = ∂u/∂X, written without cancellation
+// at small H.
 #pragma once
 
 #include "common/tensor.hpp"
@@ -57,8 +58,8 @@ constexpr Mat<3, Real> embed_in_3d(const Mat<dim, Real>& H)
   return A;
 }
 
-/// Smallest and largest eigenvalue of a symmetric matrix, closed form (Smith 1961 for 3 × 3). Absolute error about
-/// 1e-8 times the spread of the eigenvalues when two of them coincide, round-off otherwise.
+/// Smallest and largest eigenvalue of a symmetric matrix, closed form (Smith 1961 for 3 × 3). Absolute error
+/// about 1e-8 times the spread of the eigenvalues when two of them coincide, round-off otherwise.
 inline std::pair<double, double> extreme_eigenvalues(const Mat<2>& A)
 {
   const double mean = 0.5 * trace(A);
@@ -78,7 +79,8 @@ inline std::pair<double, double> extreme_eigenvalues(const Mat<3>& A)
   return {mean + 2.0 * p * std::cos(phi + 2.0 * std::numbers::pi / 3.0), mean + 2.0 * p * std::cos(phi)};
 }
 
-/// Squares of the smallest and largest principal stretch in the dim directions of the problem (not the 1 of plane strain).
+/// Squares of the smallest and largest principal stretch in the dim directions of the problem (not the 1 of
+/// plane strain).
 template <int dim>
 std::pair<double, double> extreme_stretches_squared(const Mat<dim>& H)
 {

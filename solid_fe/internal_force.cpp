@@ -37,7 +37,8 @@ index_t add_forces(const ReferenceBlock<Element>& block, const Law& law, index_t
     const auto u_e = gather<Element>(nodes, u);
     std::array<Vec<Element::dim>, Element::nodes> f{};
     const bool upright = element_force<Element>(
-        law, u_e, block.grad_N.data() + static_cast<std::ptrdiff_t>(e) * ReferenceBlock<Element>::gradients_per_element,
+        law, u_e,
+        block.grad_N.data() + static_cast<std::ptrdiff_t>(e) * ReferenceBlock<Element>::gradients_per_element,
         block.weight.data() + static_cast<std::ptrdiff_t>(e) * Element::points, f);
     if (!upright)
       inverted = e;
@@ -50,7 +51,8 @@ index_t add_forces(const ReferenceBlock<Element>& block, const Law& law, index_t
 } // namespace
 
 template <int dim>
-index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec<dim>> u, std::span<Vec<dim>> F_int)
+index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec<dim>> u,
+                           std::span<Vec<dim>> F_int)
 {
   return visit_body(body,
                     [&](const auto& block, const auto& law)

@@ -19,14 +19,15 @@ namespace undine::solid
 /// What the case says about the material.
 struct MaterialConfig
 {
-  double density = 0.0;               ///< in the reference state [kg/m³]
-  double youngs_modulus = 0.0;        ///< [Pa]
-  double poisson_ratio = 0.0;         ///< in (−1, ½)
+  double density = 0.0;        ///< in the reference state [kg/m³]
+  double youngs_modulus = 0.0; ///< [Pa]
+  double poisson_ratio = 0.0;  ///< in (−1, ½)
   std::string law = NeoHookeanLn::name;
 };
 
-/// One law, chosen at set-up and visited once per element block. A law is a struct of constants with pure functions of the
-/// displacement gradient H: strain_energy, first_piola, tangent_bound, wave_modulus (see any file in materials/).
+/// One law, chosen at set-up and visited once per element block. A law is a struct of constants with pure
+/// functions of the displacement gradient H: strain_energy, first_piola, tangent_bound, wave_modulus (see any
+/// file in materials/).
 using Material = std::variant<Linear, StVenantKirchhoff, NeoHookeanLn, NeoHookeanJ>;
 
 /// Names of the laws, as the case spells them.
@@ -35,7 +36,8 @@ std::vector<std::string> law_names();
 /// The law of `config`. @throws InputError for an unknown name
 Material make_material(const MaterialConfig& config);
 
-/// Cauchy stress σ = P Fᵀ / J, always 3 × 3: plane strain has a σ₃₃. A small-strain law returns its stress. [Pa]
+/// Cauchy stress σ = P Fᵀ / J, always 3 × 3: plane strain has a σ₃₃. A small-strain law returns its stress.
+/// [Pa]
 template <int dim, class Law>
 Mat<3> cauchy_stress(const Law& law, const Mat<dim>& H)
 {

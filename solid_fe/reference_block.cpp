@@ -25,7 +25,8 @@ std::vector<index_t> wet_first(const ElementBlock& elements, index_t n_wet)
                         [&](index_t e)
                         {
                           const auto first = elements.nodes.begin() + e * n;
-                          return std::any_of(first, first + n, [n_wet](index_t node) { return node < n_wet; });
+                          return std::any_of(first, first + n,
+                                             [n_wet](index_t node) { return node < n_wet; });
                         });
   return order;
 }
@@ -52,19 +53,21 @@ std::pair<double, double> frequency_bounds(const Vec<Element::dim>* grad_N, cons
     for (int a = 0; a < n; ++a)
     {
       for (int b = 0; b < n; ++b)
-        stiffness(a, b) += weight[q] * dot(grad_N[q * n + a], grad_N[q * n + b]) /
-                           std::sqrt(volume[static_cast<std::size_t>(a)] * volume[static_cast<std::size_t>(b)]);
+        stiffness(a, b) +=
+            weight[q] * dot(grad_N[q * n + a], grad_N[q * n + b]) /
+            std::sqrt(volume[static_cast<std::size_t>(a)] * volume[static_cast<std::size_t>(b)]);
       divergence += weight[q] * norm_squared(grad_N[q * n + a]) / volume[static_cast<std::size_t>(a)];
     }
-  const double gamma = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>>(stiffness, Eigen::EigenvaluesOnly)
-                           .eigenvalues()[n - 1];
+  const double gamma =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>>(stiffness, Eigen::EigenvaluesOnly)
+          .eigenvalues()[n - 1];
   // (M:H)² ≤ |M|²_F |H|² ≤ dim |H|² is the other bound.
   return {gamma, std::min(divergence, Element::dim * gamma)};
 }
 
 template <class Element>
-ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const ElementBlock& elements, index_t n_wet,
-                                        index_t first_number, std::span<double> nodal_volume)
+ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const ElementBlock& elements,
+                                        index_t n_wet, index_t first_number, std::span<double> nodal_volume)
 {
   constexpr int dim = Element::dim;
   ReferenceBlock<Element> block;
@@ -103,9 +106,9 @@ ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const El
       }
       block.weight.push_back(weight);
     }
-    const auto [gamma, delta] =
-        frequency_bounds<Element>(&block.grad_N[block.grad_N.size() - ReferenceBlock<Element>::gradients_per_element],
-                                  &block.weight[block.weight.size() - Element::points], volume);
+    const auto [gamma, delta] = frequency_bounds<Element>(
+        &block.grad_N[block.grad_N.size() - ReferenceBlock<Element>::gradients_per_element],
+        &block.weight[block.weight.size() - Element::points], volume);
     block.gamma.push_back(gamma);
     block.delta.push_back(delta);
     block.nodes.push_back(nodes);
@@ -127,7 +130,8 @@ double ReferenceBlock<Element>::volume() const
 }
 
 template <int dim>
-std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet, std::span<double> nodal_volume)
+std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet,
+                                            std::span<double> nodal_volume)
 {
   std::vector<AnyBlock<dim>> blocks;
   index_t first_number = 0;

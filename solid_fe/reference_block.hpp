@@ -1,4 +1,5 @@
-// Elements of one type in the reference configuration: gradients, weights and bounds that never change, stored flat.
+// Elements of one type in the reference configuration: gradients, weights and bounds that never change,
+// stored flat.
 #pragma once
 
 #include "common/mesh/mesh.hpp"
@@ -25,21 +26,23 @@ struct ReferenceBlock
   static constexpr int gradients_per_element = Element::points * Element::nodes;
 
   std::vector<std::array<index_t, Element::nodes>> nodes; ///< node numbers, size n
-  std::vector<index_t> number;   ///< element number in the mesh file's order, for messages and output, size n
-  std::vector<Vec<dim>> grad_N;  ///< ∂N_a/∂X at the points, n × points × nodes [1/m]
-  std::vector<double> weight;    ///< det(∂X/∂ξ) × quadrature weight, n × points [m^dim]
-  std::vector<double> gamma;     ///< largest λ of Σ_q w |∇u|² = λ Σ_a V_a |u_a|², V_a = row-sum volume of node a [1/m²]
-  std::vector<double> delta;     ///< the same for Σ_q w (M_q : ∇u)² with |M_q| ≤ 1, an upper bound [1/m²]
-  index_t n_interface = 0;       ///< the first n_interface elements touch wet nodes
-  std::string body;              ///< physical group, "" if none
+  std::vector<index_t> number;  ///< element number in the mesh file's order, for messages and output, size n
+  std::vector<Vec<dim>> grad_N; ///< ∂N_a/∂X at the points, n × points × nodes [1/m]
+  std::vector<double> weight;   ///< det(∂X/∂ξ) × quadrature weight, n × points [m^dim]
+  std::vector<double>
+      gamma; ///< largest λ of Σ_q w |∇u|² = λ Σ_a V_a |u_a|², V_a = row-sum volume of node a [1/m²]
+  std::vector<double> delta; ///< the same for Σ_q w (M_q : ∇u)² with |M_q| ≤ 1, an upper bound [1/m²]
+  index_t n_interface = 0;   ///< the first n_interface elements touch wet nodes
+  std::string body;          ///< physical group, "" if none
 
   index_t size() const { return static_cast<index_t>(nodes.size()); }
-  double volume() const;         ///< [m^dim]
+  double volume() const; ///< [m^dim]
 };
 
 template <int dim>
-using AnyBlock = std::conditional_t<dim == 2, std::variant<ReferenceBlock<Triangle3>, ReferenceBlock<Quadrilateral4>>,
-                                    std::variant<ReferenceBlock<Tetrahedron4>, ReferenceBlock<Hexahedron8>>>;
+using AnyBlock =
+    std::conditional_t<dim == 2, std::variant<ReferenceBlock<Triangle3>, ReferenceBlock<Quadrilateral4>>,
+                       std::variant<ReferenceBlock<Tetrahedron4>, ReferenceBlock<Hexahedron8>>>;
 
 /// Displacement gradient H = Σ_a u_a ⊗ ∇N_a at one point; grad_N points at the gradients of that point.
 template <class Element, class Real>
@@ -65,10 +68,12 @@ std::array<Vec<Element::dim>, Element::nodes> gather(const std::array<index_t, E
   return local;
 }
 
-/// Blocks of the mesh's elements of dimension `dim`, elements that touch nodes below `n_wet` first in each block; adds the
-/// row-sum volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
-/// @throws InputError (exit code 4) for an element that is inverted in the reference state: number and position
+/// Blocks of the mesh's elements of dimension `dim`, elements that touch nodes below `n_wet` first in each
+/// block; adds the row-sum volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
+/// @throws InputError (exit code 4) for an element that is inverted in the reference state: number and
+/// position
 template <int dim>
-std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet, std::span<double> nodal_volume);
+std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet,
+                                            std::span<double> nodal_volume);
 
 } // namespace undine::solid

@@ -14,8 +14,8 @@ namespace undine::solid
 
 template <int dim>
 Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
-    : reference_(number_wet_nodes_first(mesh, config.wet)), wet_(config.wet), step_safety_(config.step_safety),
-      gravity_(to_vec<dim>(config.gravity, "solid.gravity"))
+    : reference_(number_wet_nodes_first(mesh, config.wet)), wet_(config.wet),
+      step_safety_(config.step_safety), gravity_(to_vec<dim>(config.gravity, "solid.gravity"))
 {
   const auto n = reference_.mesh.x.size();
   std::vector<double> nodal_volume(n, 0.0);
@@ -189,7 +189,8 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
 template <int dim>
 void Solid<dim>::apply_activation(const link::Activation& activation)
 {
-  assert(activation.impulse.size() == f_link_.size() * dim && activation.link_force.size() == f_link_.size() * dim);
+  assert(activation.impulse.size() == f_link_.size() * dim &&
+         activation.link_force.size() == f_link_.size() * dim);
   for (std::size_t n = 0; n < f_link_.size(); ++n)
     for (int i = 0; i < dim; ++i)
     {
@@ -202,7 +203,8 @@ void Solid<dim>::apply_activation(const link::Activation& activation)
       nodes_.a[n][i] = a_free_wet_[n][i] + nodes_.inverse_mass[n][i] * f_link_[n][i];
     }
   for (auto& driven : driven_)
-    driven.reaction = driven_force(driven) - (driven.node < f_link_.size() ? f_link_[driven.node][driven.component] : 0.0);
+    driven.reaction =
+        driven_force(driven) - (driven.node < f_link_.size() ? f_link_[driven.node][driven.component] : 0.0);
 }
 
 template <int dim>
@@ -386,11 +388,14 @@ void Solid<dim>::fail_inverted(const Body<dim>& body, index_t element) const
         const auto e = static_cast<std::size_t>(element);
         Vec<dim> x;
         for (const index_t n : block.nodes[e])
-          x += (1.0 / Element::nodes) * (nodes_.X[static_cast<std::size_t>(n)] + nodes_.u[static_cast<std::size_t>(n)]);
+          x += (1.0 / Element::nodes) *
+               (nodes_.X[static_cast<std::size_t>(n)] + nodes_.u[static_cast<std::size_t>(n)]);
         char text[400];
         std::snprintf(text, sizeof text,
-                      "solid: det F of %s number %d near (%.6g, %.6g, %.6g) m is not positive at step %lld, t = %.9g s: the "
-                      "element is inverted. The load is beyond what this mesh and law can carry, or the step is too large",
+                      "solid: det F of %s number %d near (%.6g, %.6g, %.6g) m is not positive at step %lld, "
+                      "t = %.9g s: the "
+                      "element is inverted. The load is beyond what this mesh and law can carry, or the step "
+                      "is too large",
                       element_name(Element::type), block.number[e], x[0], x[1], dim == 3 ? x[dim - 1] : 0.0,
                       static_cast<long long>(step_), time());
         throw NumericalError(text);

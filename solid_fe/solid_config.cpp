@@ -24,8 +24,8 @@ Vec<dim> to_vec(const std::vector<double>& numbers, const std::string& key)
   if (numbers.empty())
     return v;
   if (numbers.size() != dim)
-    throw InputError(key + " has " + std::to_string(numbers.size()) + " numbers: must have " + std::to_string(dim) +
-                     " in " + std::to_string(dim) + "-D");
+    throw InputError(key + " has " + std::to_string(numbers.size()) + " numbers: must have " +
+                     std::to_string(dim) + " in " + std::to_string(dim) + "-D");
   std::copy_n(numbers.begin(), dim, v.c.begin());
   return v;
 }
@@ -38,11 +38,11 @@ Mesh<dim> make_mesh(const SolidConfig& config)
     return read_gmsh<dim>(geometry.mesh_file);
   std::array<int, dim> counts{};
   if (geometry.elements.size() != dim)
-    throw InputError("solid.elements has " + std::to_string(geometry.elements.size()) + " numbers: must have " +
-                     std::to_string(dim) + " in " + std::to_string(dim) + "-D");
+    throw InputError("solid.elements has " + std::to_string(geometry.elements.size()) +
+                     " numbers: must have " + std::to_string(dim) + " in " + std::to_string(dim) + "-D");
   std::copy_n(geometry.elements.begin(), dim, counts.begin());
-  return box_mesh<dim>(to_vec<dim>(geometry.origin, "solid.origin"), to_vec<dim>(geometry.size, "solid box"), counts,
-                       geometry.element);
+  return box_mesh<dim>(to_vec<dim>(geometry.origin, "solid.origin"), to_vec<dim>(geometry.size, "solid box"),
+                       counts, geometry.element);
 }
 
 template Vec<2> to_vec<2>(const std::vector<double>&, const std::string&);

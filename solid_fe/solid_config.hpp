@@ -68,10 +68,12 @@ struct SolidConfig
 template <int dim>
 Mesh<dim> make_mesh(const SolidConfig& config);
 
-/// Element counts of a box of `size` with elements of about `element_size`: max(1, round(L / h)) along each axis.
+/// Element counts of a box of `size` with elements of about `element_size`: max(1, round(L / h)) along each
+/// axis.
 std::vector<int> element_counts(const std::vector<double>& size, double element_size);
 
-/// The numbers of a configured vector. @throws InputError if there are not dim of them (`key` names it); empty means zero
+/// The numbers of a configured vector. @throws InputError if there are not dim of them (`key` names it);
+/// empty means zero
 template <int dim>
 Vec<dim> to_vec(const std::vector<double>& numbers, const std::string& key);
 

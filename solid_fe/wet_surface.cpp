@@ -19,7 +19,8 @@ WetFirstMesh<dim> number_wet_nodes_first(const Mesh<dim>& given, const std::vect
       for (const index_t n : block.nodes)
         is_used[static_cast<std::size_t>(n)] = true;
   for (const auto& entry : wet)
-    for (const index_t n : find_surface(given, entry.surface, "interface \"" + entry.interface + "\": solid").nodes)
+    for (const index_t n :
+         find_surface(given, entry.surface, "interface \"" + entry.interface + "\": solid").nodes)
       is_wet[static_cast<std::size_t>(n)] = true;
 
   WetFirstMesh<dim> result;
@@ -49,8 +50,9 @@ WetFirstMesh<dim> number_wet_nodes_first(const Mesh<dim>& given, const std::vect
   {
     if (std::any_of(surface.nodes.begin(), surface.nodes.end(),
                     [&](index_t n) { return !is_used[static_cast<std::size_t>(n)]; }))
-      throw InputError("mesh: the surface \"" + name + "\" has facets that belong to no element of dimension " +
-                           std::to_string(dim) + "; mesh the body behind it or drop the group",
+      throw InputError("mesh: the surface \"" + name +
+                           "\" has facets that belong to no element of dimension " + std::to_string(dim) +
+                           "; mesh the body behind it or drop the group",
                        ExitCode::bad_input_file);
     renumber(surface.nodes);
   }
@@ -89,10 +91,12 @@ link::SurfaceMesh surface_message(const WetFirstMesh<dim>& mesh, const std::vect
     const auto interface = static_cast<std::int32_t>(named - names.begin());
     if (named == names.end())
       names.push_back(entry.interface);
-    const auto& surface = find_surface(mesh.mesh, entry.surface, "interface \"" + entry.interface + "\": solid");
+    const auto& surface =
+        find_surface(mesh.mesh, entry.surface, "interface \"" + entry.interface + "\": solid");
     for (index_t f = 0; f < surface.size(); ++f)
     {
-      for (index_t k = surface.offset[static_cast<std::size_t>(f)]; k < surface.offset[static_cast<std::size_t>(f) + 1]; ++k)
+      for (index_t k = surface.offset[static_cast<std::size_t>(f)];
+           k < surface.offset[static_cast<std::size_t>(f) + 1]; ++k)
         message.face_nodes.push_back(surface.nodes[static_cast<std::size_t>(k)]);
       message.face_offset.push_back(static_cast<std::int32_t>(message.face_nodes.size()));
       message.face_interface.push_back(interface);
@@ -103,7 +107,9 @@ link::SurfaceMesh surface_message(const WetFirstMesh<dim>& mesh, const std::vect
 
 template WetFirstMesh<2> number_wet_nodes_first(const Mesh<2>&, const std::vector<WetConfig>&);
 template WetFirstMesh<3> number_wet_nodes_first(const Mesh<3>&, const std::vector<WetConfig>&);
-template link::SurfaceMesh surface_message(const WetFirstMesh<2>&, const std::vector<WetConfig>&, const SolidNodes<2>&);
-template link::SurfaceMesh surface_message(const WetFirstMesh<3>&, const std::vector<WetConfig>&, const SolidNodes<3>&);
+template link::SurfaceMesh surface_message(const WetFirstMesh<2>&, const std::vector<WetConfig>&,
+                                           const SolidNodes<2>&);
+template link::SurfaceMesh surface_message(const WetFirstMesh<3>&, const std::vector<WetConfig>&,
+                                           const SolidNodes<3>&);
 
 } // namespace undine::solid

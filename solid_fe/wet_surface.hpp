@@ -20,13 +20,13 @@ struct WetFirstMesh
   std::vector<index_t> number; ///< of node n in the mesh as it was given, size n_nodes
 };
 
-/// Renumber: nodes of the wet surfaces first, both groups in their given order. Nodes without an element are dropped (Gmsh writes
-/// construction points). @throws InputError for an unknown surface
+/// Renumber: nodes of the wet surfaces first, both groups in their given order. Nodes without an element are
+/// dropped (Gmsh writes construction points). @throws InputError for an unknown surface
 template <int dim>
 WetFirstMesh<dim> number_wet_nodes_first(const Mesh<dim>& mesh, const std::vector<WetConfig>& wet);
 
-/// The wet surface at the current position, for the coupler. Inverse masses are the diagonal ones of the nodes: 0 in prescribed
-/// components.
+/// The wet surface at the current position, for the coupler. Inverse masses are the diagonal ones of the
+/// nodes: 0 in prescribed components.
 template <int dim>
 link::SurfaceMesh surface_message(const WetFirstMesh<dim>& mesh, const std::vector<WetConfig>& wet,
                                   const SolidNodes<dim>& nodes);

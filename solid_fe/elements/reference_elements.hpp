@@ -1,4 +1,5 @@
-// Shape functions and quadrature of the solid's elements on their reference shapes; node order as in Gmsh and VTK.
+// Shape functions and quadrature of the solid's elements on their reference shapes; node order as in Gmsh and
+// VTK.
 #pragma once
 
 #include "common/mesh/mesh.hpp"
@@ -10,14 +11,23 @@
 namespace undine::solid
 {
 
-/// What an element type must offer. `point` and `weight` integrate over the reference shape; each type integrates its own
-/// stiffness on a parallelepiped and its row-sum mass on any shape exactly.
+/// What an element type must offer. `point` and `weight` integrate over the reference shape; each type
+/// integrates its own stiffness on a parallelepiped and its row-sum mass on any shape exactly.
 template <class E>
-concept ReferenceElement = requires(const Vec<E::dim>& xi, int q) {
-  { E::shape(xi) } -> std::same_as<std::array<double, E::nodes>>;
-  { E::shape_gradient(xi) } -> std::same_as<std::array<Vec<E::dim>, E::nodes>>;
-  { E::point(q) } -> std::same_as<Vec<E::dim>>;
-  { E::weight(q) } -> std::same_as<double>;
+concept ReferenceElement = requires(const Vec<E::dim>& xi, int q)
+{
+  {
+    E::shape(xi)
+    } -> std::same_as<std::array<double, E::nodes>>;
+  {
+    E::shape_gradient(xi)
+    } -> std::same_as<std::array<Vec<E::dim>, E::nodes>>;
+  {
+    E::point(q)
+    } -> std::same_as<Vec<E::dim>>;
+  {
+    E::weight(q)
+    } -> std::same_as<double>;
 };
 
 /// Linear triangle on (0,0), (1,0), (0,1): constant strain, one point.
@@ -74,8 +84,7 @@ template <int dimension>
 struct Multilinear
 {
   static constexpr int dim = dimension, nodes = 1 << dimension, points = 1 << dimension;
-  static constexpr ElementType type =
-      dimension == 2 ? ElementType::quadrilateral4 : ElementType::hexahedron8;
+  static constexpr ElementType type = dimension == 2 ? ElementType::quadrilateral4 : ElementType::hexahedron8;
 
   static constexpr std::array<double, nodes> shape(const Vec<dim>& xi)
   {

@@ -1,4 +1,5 @@
-// Compressible neo-Hookean solid with logarithmic volume term: W = μ/2 (I₁−3) − μ ln J + λ/2 (ln J)². The default law.
+// Compressible neo-Hookean solid with logarithmic volume term: W = μ/2 (I₁−3) − μ ln J + λ/2 (ln J)². The
+// default law.
 #pragma once
 
 #include "solid_fe/deformation.hpp"
@@ -26,7 +27,8 @@ struct NeoHookeanLn
            Real(elastic.shear_modulus) * ln_J + Real(0.5 * elastic.lame_lambda) * ln_J * ln_J;
   }
 
-  /// P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ = τ F⁻ᵀ with τ = μ (b − I) + λ ln J I: symmetric τ keeps angular momentum to round-off. [Pa]
+  /// P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ = τ F⁻ᵀ with τ = μ (b − I) + λ ln J I: symmetric τ keeps angular momentum
+  /// to round-off. [Pa]
   template <int dim, class Real>
   Mat<dim, Real> first_piola(const Mat<dim, Real>& H) const
   {
@@ -38,7 +40,8 @@ struct NeoHookeanLn
     return tau * cofactor * (Real(1.0) / (Real(1.0) + J_minus_one));
   }
 
-  /// With h = H F⁻¹:  H:A:H = μ |H|² + λ (tr h)² + (μ − λ ln J) tr(h²), and |h| ≤ |H| / s with the smallest stretch s.
+  /// With h = H F⁻¹:  H:A:H = μ |H|² + λ (tr h)² + (μ − λ ln J) tr(h²), and |h| ≤ |H| / s with the smallest
+  /// stretch s.
   template <int dim>
   TangentBound tangent_bound(const Mat<dim>& H) const
   {

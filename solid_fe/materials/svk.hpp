@@ -1,4 +1,5 @@
-// St.Venant-Kirchhoff: S = λ tr(E) I + 2μ E with the Green-Lagrange strain E. Softens in compression: moderate strains only.
+// St.Venant-Kirchhoff: S = λ tr(E) I + 2μ E with the Green-Lagrange strain E. Softens in compression:
+// moderate strains only.
 #pragma once
 
 #include "solid_fe/deformation.hpp"
