@@ -1,4 +1,5 @@
-// From MPI_COMM_WORLD to roles: HELLO with a deadline before any collective call.   SPDX-License-Identifier: BSD-3-Clause
+// From MPI_COMM_WORLD to roles: HELLO with a deadline before any collective call.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include "common/coupling/channel.hpp"
@@ -17,7 +18,8 @@ namespace undine::link
 inline constexpr std::uint16_t protocol_major = 1;
 inline constexpr std::uint16_t protocol_minor = 0;
 
-/// Start a timer *before* MPI_Init: if the launch is incomplete after `seconds`, write why and _exit(31). Disarmed by connect().
+/// Start a timer *before* MPI_Init: if the launch is incomplete after `seconds`, write why and _exit(31).
+/// Disarmed by connect().
 void arm_start_timer(const std::string& role, double seconds = 60.0);
 
 struct Identity
@@ -31,8 +33,8 @@ struct Identity
 
 struct Deadlines
 {
-  double hello = 60.0; ///< every rank must have spoken [s]
-  double stall = 300.0;///< a partner may be silent for that long [s]; warning at half time; 0 = off
+  double hello = 60.0;  ///< every rank must have spoken [s]
+  double stall = 300.0; ///< a partner may be silent for that long [s]; warning at half time; 0 = off
 };
 
 /// The world after the hand-shake. Owns the communicators; never throws from its destructor.
@@ -40,13 +42,14 @@ class World
 {
 public:
   /// Collective over all ranks of MPI_COMM_WORLD, without a collective MPI call before every rank has spoken.
-  /// @throws ProtocolError 32 no hello (names ranks), 33 version, 34 different case, 35 role missing or doubled
+  /// Every rank throws the same error, that of world rank 0, and should then call abort_world().
+  /// @throws ProtocolError 32 no hello (names ranks), 33 version, 34 different case, 35 roles do not fit
   static World connect(const Identity&, const Deadlines&);
   World(World&&) noexcept;
   ~World();
 
-  MPI_Comm comm() const;                   ///< the ranks of this role; use it instead of MPI_COMM_WORLD
-  bool coupled() const;                    ///< false: this program runs alone
+  MPI_Comm comm() const; ///< the ranks of this role; use it instead of MPI_COMM_WORLD
+  bool coupled() const;  ///< false: this program runs alone
   /// Channel to `role` on rank 0 of this role; nullptr on the other ranks.
   std::unique_ptr<Channel> channel(const std::string& role) const;
   std::string solver_of(const std::string& role) const;
@@ -57,7 +60,13 @@ private:
   std::unique_ptr<State> state_;
 };
 
-/// Print `text`, write FAILED.toml into `out_dir` (if not empty and not there yet) and MPI_Abort(MPI_COMM_WORLD, code).
-[[noreturn]] void abort_world(int code, const std::string& role, const std::string& text, const std::string& out_dir);
+/// Print `text`, write FAILED.toml into `out_dir` (if not empty and not there yet) and
+/// MPI_Abort(MPI_COMM_WORLD, code); before MPI_Init or after MPI_Finalize _Exit(code).
+/// When several programs see the same error only one shall speak: world rank 0 in the hand-shake, the coupler
+/// in the run. The others wait 0.3 s and more, five seconds if they announced the failure with a FAIL
+/// message, and are normally killed meanwhile. A FAILED.toml of an earlier run must have been removed at the
+/// start of this one.
+[[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
+                              const std::string& out_dir);
 
 } // namespace undine::link

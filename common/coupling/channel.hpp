@@ -1,7 +1,9 @@
-// How bytes travel between the coupler and one participant.   SPDX-License-Identifier: BSD-3-Clause
+// How bytes travel between the coupler and one participant.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -30,13 +32,32 @@ public:
   virtual ~Channel() = default;
   /// Start sending; the bytes may be reused when the call returns.
   virtual void send(std::span<const std::byte> message) = 0;
-  /// Wait for the next message (back-off sleep, so that a waiting process does not steal the core of a computing one).
-  /// @throws ProtocolError(36) when nothing came for the stall limit; the text says how long and is completed by the caller
+  /// Wait for the next message (back-off sleep, so that a waiting process does not steal the core of a
+  /// computing one).
+  /// @throws ProtocolError(36) when nothing came for the stall limit; the text says how long and comes from
+  /// describe_waiting
   virtual void receive(std::vector<std::byte>& message) = 0;
+
+  /// One sentence or more about who is silent and what came last, given the seconds waited so far.
+  using Description = std::function<std::string(double seconds)>;
+  /// Words for the warning at half the stall limit and for the error at its end.
+  void describe_waiting(Description description) { description_ = std::move(description); }
+
+protected:
+  /// The words set by describe_waiting, or plain ones.
+  std::string waiting_text(double seconds) const
+  {
+    return description_ ? description_(seconds)
+                        : "the partner has sent nothing for " + std::to_string(seconds) + " s";
+  }
+
+private:
+  Description description_;
 };
 
 /// Two connected ends inside one process (two threads): for tests and small problems.
-/// `stall_seconds` ≤ 0 waits for ever. An end that is destroyed makes the other's receive throw ProtocolError(36).
+/// `stall_seconds` ≤ 0 waits for ever. An end that is destroyed makes the other's receive throw
+/// ProtocolError(36).
 std::pair<std::unique_ptr<Channel>, std::unique_ptr<Channel>> memory_channel(double stall_seconds = 30.0);
 
 } // namespace undine::link

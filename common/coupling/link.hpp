@@ -1,7 +1,21 @@
-// The two ends of the coupling protocol: SolverLink in a fluid or solid, PartnerLink in the coupler.   SPDX-License-Identifier: BSD-3-Clause
+// The two ends of the coupling protocol: SolverLink in a fluid or solid, PartnerLink in the coupler.
+// SPDX-License-Identifier: BSD-3-Clause
 //
-// Both walk the same state machine over a Channel (MPI intercommunicator, or memory inside one process) and check every message:
-// magic, type allowed in the state, sequence number, length, CRC, finite numbers. A violation throws ProtocolError.
+// Both walk the same state machine over a Channel (MPI intercommunicator, or memory inside one process) and
+// check every message: magic, type allowed in the state, sequence number, length, CRC, finite numbers.
+// Errors: a violation is ProtocolError(37), a FAIL of the partner ProtocolError(40), silence beyond the
+// channel's stall limit ProtocolError(36), a wrong use of the class ProtocolError(1). After an exception only
+// send_failure makes sense.
+//
+// The conversation (C coupler, P participant):
+//
+//   C SETUP   P MESH   C MESH_REPLY   P READY [P MESH_UPDATE]
+//   repeat    C WINDOW [P KINEMATICS  C ACTIVATION_IMPULSE]
+//             (P FREE_VELOCITY  C LINK_FORCE), `steps` times on the fine side, once on the other
+//             P READY [P MESH_UPDATE]
+//   C BYE     P BYE_ACK
+//
+// At any time: P STOP_REQUEST, and PING or FAIL of both.
 #pragma once
 
 #include "common/coupling/channel.hpp"
@@ -14,7 +28,8 @@
 namespace undine::link
 {
 
-/// A solver's end. Call order: set_up → send_mesh → { report → next_window → [activate] → (send_free_velocity → receive_link_force)* }* .
+/// A solver's end. Call order: receive_setup → send_mesh → send_report, then per window: next_window →
+/// [send_kinematics → receive_activation] → (send_free_velocity → receive_link_force)* → send_report.
 class SolverLink
 {
 public:
@@ -23,18 +38,20 @@ public:
   SolverLink(SolverLink&&) noexcept;
 
   Setup receive_setup();
-  void send_mesh(const SurfaceMesh&);     ///< waits for MESH_REPLY; throws ProtocolError with the coupler's reason if rejected
+  /// Waits for the MESH_REPLY. @throws ProtocolError(4) with the coupler's reason if it rejects the mesh
+  void send_mesh(const SurfaceMesh&);
   void send_report(const Report&);
   void send_mesh_update(const SurfaceMesh&); ///< directly after a report with surface_changed
-  std::optional<Window> next_window();    ///< nothing after BYE
+  std::optional<Window> next_window();       ///< nothing after BYE
   void send_kinematics(const Kinematics&);
   Activation receive_activation();
-  void send_free_velocity(std::span<const double> v_free);    ///< starts the message and returns; size n × dim
-  void receive_link_force(std::span<double> f_link);          ///< waits; size n × dim
+  void send_free_velocity(std::span<const double> v_free); ///< starts the message and returns; size n × dim
+  void receive_link_force(std::span<double> f_link);       ///< waits; size n × dim
   void send_stop_request(const std::string& reason);
   void send_failure(int code, const std::string& text) noexcept; ///< last word before the program ends
-  void ping();                                                  ///< "alive": call inside long pieces of work
-  double wait_seconds() const;                                  ///< total time spent waiting
+  /// "Alive": call inside long pieces of work, as often as you like (at most four per second are sent).
+  void ping();
+  double wait_seconds() const; ///< total time spent waiting
 
 private:
   struct Conversation;
@@ -61,7 +78,9 @@ public:
   void receive_free_velocity(std::span<double> v_free);
   void send_link_force(std::span<const double> f_link);
   bool stop_requested() const;
-  void send_bye();                                    ///< and waits for BYE_ACK
+  const std::string& stop_reason() const; ///< text of the last STOP_REQUEST
+  void ping();                            ///< as SolverLink::ping, e.g. while factorising a large interface
+  void send_bye();                        ///< and waits for BYE_ACK
   void send_failure(int code, const std::string& text) noexcept;
   const std::string& role() const;
   double wait_seconds() const;

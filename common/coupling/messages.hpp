@@ -1,7 +1,9 @@
-// What the three programs say to each other, independent of how the bytes travel.   SPDX-License-Identifier: BSD-3-Clause
+// What the three programs say to each other, independent of how the bytes travel.
+// SPDX-License-Identifier: BSD-3-Clause
 //
-// One participant (a fluid or a solid) talks to the coupler only. All vectors belong to the participant's *wet surface*: the union
-// of all its interface faces, each node once, in the order of its MESH message; rows of `dim` numbers.
+// One participant (a fluid or a solid) talks to the coupler only. All vectors belong to the participant's
+// *wet surface*: the union of all its interface faces, each node once, in the order of its MESH message; rows
+// of `dim` numbers.
 #pragma once
 
 #include <cstdint>
@@ -11,25 +13,26 @@
 namespace undine::link
 {
 
-/// Message types. Numbers are part of the protocol and never reused. Reserved ones are not sent by protocol 1.0.
+/// Message types. Numbers are part of the protocol and never reused. Reserved ones are not sent by
+/// protocol 1.0.
 enum class MessageType : std::uint16_t
 {
-  setup = 1,               ///< C→P  scheme, interfaces, run window
-  mesh = 2,                ///< P→C  wet surface
-  mesh_reply = 3,          ///< C→P  accepted, or the reason why not
-  ready = 4,               ///< P→C  state at a window end: stable step, energies (see Report)
-  window = 5,              ///< C→P  the next window (see Window)
-  free_velocity = 6,       ///< P→C  v_free on the wet surface at a synchronised time [m/s]
-  link_force = 7,          ///< C→P  nodal link force [N]
-  mesh_update = 8,         ///< P→C  replaces MESH when the wet surface changed
-  checkpoint = 9,          ///< reserved
-  checkpoint_done = 10,    ///< reserved
-  stop_request = 11,       ///< P→C  please end after this window
-  bye = 12,                ///< C→P  orderly end
-  bye_ack = 13,            ///< P→C
-  fail = 14,               ///< any  code and text
-  ping = 15,               ///< any  alive, still working
-  kinematics = 16,         ///< P→C  velocity and free acceleration at a synchronised time, asked for by an activation
+  setup = 1,            ///< C→P  scheme, interfaces, run window
+  mesh = 2,             ///< P→C  wet surface
+  mesh_reply = 3,       ///< C→P  accepted, or the reason why not
+  ready = 4,            ///< P→C  state at a window end: stable step, energies (see Report)
+  window = 5,           ///< C→P  the next window (see Window)
+  free_velocity = 6,    ///< P→C  v_free on the wet surface at a synchronised time [m/s]
+  link_force = 7,       ///< C→P  nodal link force [N]
+  mesh_update = 8,      ///< P→C  replaces MESH when the wet surface changed
+  checkpoint = 9,       ///< reserved
+  checkpoint_done = 10, ///< reserved
+  stop_request = 11,    ///< P→C  please end after this window
+  bye = 12,             ///< C→P  orderly end
+  bye_ack = 13,         ///< P→C
+  fail = 14,            ///< any  code and text
+  ping = 15,            ///< any  alive, still working
+  kinematics = 16, ///< P→C  velocity and free acceleration at a synchronised time, asked for by an activation
   activation_impulse = 17, ///< C→P  impulse and link force that make the start compatible
   surface = 18             ///< reserved: C→P the partner's wet surface (faces, x, v) for contact detection
 };
@@ -40,14 +43,16 @@ const char* name_of(MessageType);
 struct SurfaceMesh
 {
   int dim = 2;
-  std::uint32_t epoch = 0;                 ///< counts changes of the surface
-  std::vector<std::string> interfaces;     ///< names; face_interface indexes them
-  std::vector<std::int64_t> node_id;       ///< global, unique, size n
-  std::vector<double> x;                   ///< current position [m], n × dim
-  std::vector<double> inverse_mass;        ///< symmetric matrix per node [1/kg], n × dim × dim; zero in constrained directions
-  std::vector<std::int32_t> face_offset{0};///< CSR, size n_faces + 1
-  std::vector<std::int32_t> face_nodes;    ///< positions in node_id, outward orientation of the participant's body
-  std::vector<std::int32_t> face_interface;///< size n_faces
+  std::uint32_t epoch = 0;             ///< counts changes of the surface
+  std::vector<std::string> interfaces; ///< names; face_interface indexes them
+  std::vector<std::int64_t> node_id;   ///< global, unique, size n
+  std::vector<double> x;               ///< current position [m], n × dim
+  /// Symmetric matrix per node [1/kg], n × dim × dim; zero in constrained directions.
+  std::vector<double> inverse_mass;
+  std::vector<std::int32_t> face_offset{0}; ///< CSR, size n_faces + 1
+  /// Positions in node_id, outward orientation of the participant's body.
+  std::vector<std::int32_t> face_nodes;
+  std::vector<std::int32_t> face_interface; ///< size n_faces
 
   std::int64_t n_nodes() const { return static_cast<std::int64_t>(node_id.size()); }
   std::int64_t n_faces() const { return static_cast<std::int64_t>(face_offset.size()) - 1; }
@@ -56,30 +61,31 @@ struct SurfaceMesh
 /// State of a participant at a window end.
 struct Report
 {
-  double stable_dt = 0.0;          ///< largest step it can take next, safety factor included [s]
-  double kinetic_energy = 0.0;     ///< [J]
-  double internal_energy = 0.0;    ///< [J]
-  double external_work = 0.0;      ///< cumulated work of loads and prescribed motion, gravity's potential included [J]
-  double dissipated_energy = 0.0;  ///< cumulated [J]
-  double interface_work = 0.0;     ///< cumulated work of the link forces as seen by the participant [J]
-  double mass = 0.0;               ///< [kg]
-  double compute_seconds = 0.0;    ///< wall time spent computing since start
-  double wait_seconds = 0.0;       ///< wall time spent waiting for the coupler since start
-  std::int64_t steps = 0;          ///< cumulated
-  bool surface_changed = false;    ///< a MESH_UPDATE follows
+  double stable_dt = 0.0;       ///< largest step it can take next, safety factor included [s]
+  double kinetic_energy = 0.0;  ///< [J]
+  double internal_energy = 0.0; ///< [J]
+  /// Cumulated work of loads and prescribed motion, gravity's potential included [J].
+  double external_work = 0.0;
+  double dissipated_energy = 0.0; ///< cumulated [J]
+  double interface_work = 0.0;    ///< cumulated work of the link forces as seen by the participant [J]
+  double mass = 0.0;              ///< [kg]
+  double compute_seconds = 0.0;   ///< wall time spent computing since start
+  double wait_seconds = 0.0;      ///< wall time spent waiting for the coupler since start
+  std::int64_t steps = 0;         ///< cumulated
+  bool surface_changed = false;   ///< a MESH_UPDATE follows
 };
 
 /// Orders for one window.
 struct Window
 {
   std::int64_t index = 0;
-  double t_begin = 0.0;     ///< [s]
-  double t_end = 0.0;       ///< [s]
-  std::int64_t steps = 1;   ///< equal steps this participant takes inside the window
-  bool fine = false;        ///< true: exchange every step; false: once, with the last multiplier
-  bool activate = false;    ///< KINEMATICS / ACTIVATION_IMPULSE precede the first step
-  bool output = false;      ///< write a frame at t_end
-  bool last = false;        ///< the run ends at t_end
+  double t_begin = 0.0;   ///< [s]
+  double t_end = 0.0;     ///< [s]
+  std::int64_t steps = 1; ///< equal steps this participant takes inside the window
+  bool fine = false;      ///< true: exchange every step; false: once, with the last multiplier
+  bool activate = false;  ///< KINEMATICS / ACTIVATION_IMPULSE precede the first step
+  bool output = false;    ///< write a frame at t_end
+  bool last = false;      ///< the run ends at t_end
 
   double dt() const { return (t_end - t_begin) / static_cast<double>(steps); }
 };

@@ -1,0 +1,662 @@
+// The two ends of the coupling protocol: one state machine, walked by both.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common/coupling/link.hpp"
+
+#include "common/coupling/exit_codes.hpp"
+#include "common/coupling/failure_state.hpp"
+#include "common/coupling/wire.hpp"
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+namespace undine::link
+{
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+using wire::Header;
+
+enum class End
+{
+  coupler,
+  participant
+};
+
+/// Named after what comes next.
+enum class State
+{
+  setup,
+  mesh,
+  mesh_reply,
+  report,
+  mesh_update,
+  window_or_bye,
+  kinematics,
+  activation,
+  free_velocity,
+  link_force,
+  bye_ack,
+  closed
+};
+
+/// What may come in a state, and from whom. PING, FAIL and a participant's STOP_REQUEST may come at any time.
+struct Turn
+{
+  End speaker;
+  std::array<MessageType, 2> types; ///< equal if only one is possible
+
+  bool allows(MessageType type) const { return type == types[0] || type == types[1]; }
+};
+
+constexpr Turn turn(State state)
+{
+  switch (state)
+  {
+  case State::setup:
+    return {End::coupler, {MessageType::setup, MessageType::setup}};
+  case State::mesh:
+    return {End::participant, {MessageType::mesh, MessageType::mesh}};
+  case State::mesh_reply:
+    return {End::coupler, {MessageType::mesh_reply, MessageType::mesh_reply}};
+  case State::report:
+    return {End::participant, {MessageType::ready, MessageType::ready}};
+  case State::mesh_update:
+    return {End::participant, {MessageType::mesh_update, MessageType::mesh_update}};
+  case State::window_or_bye:
+    return {End::coupler, {MessageType::window, MessageType::bye}};
+  case State::kinematics:
+    return {End::participant, {MessageType::kinematics, MessageType::kinematics}};
+  case State::activation:
+    return {End::coupler, {MessageType::activation_impulse, MessageType::activation_impulse}};
+  case State::free_velocity:
+    return {End::participant, {MessageType::free_velocity, MessageType::free_velocity}};
+  case State::link_force:
+    return {End::coupler, {MessageType::link_force, MessageType::link_force}};
+  case State::bye_ack:
+  case State::closed:
+    break;
+  }
+  return {End::participant, {MessageType::bye_ack, MessageType::bye_ack}};
+}
+
+std::string number_text(double value)
+{
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+/// Both ends of the conversation: buffers, counters, and the state that both derive from the same messages.
+class Conversation
+{
+public:
+  Conversation(std::unique_ptr<Channel> channel, End end, std::string partner)
+      : channel_(std::move(channel)), end_(end), partner_(std::move(partner))
+  {
+    if (!channel_)
+      throw ProtocolError(code::internal_error,
+                          "a link to '" + partner_ + "' needs a channel; only rank 0 of a role has one");
+    channel_->describe_waiting([this](double seconds) { return silence_text(seconds); });
+  }
+
+  Conversation(const Conversation&) = delete;
+  Conversation& operator=(const Conversation&) = delete;
+
+  /// Sends a message whose payload is written by `fill(Writer&)` and steps to the next state by `advance`.
+  template <class Fill>
+  void send(MessageType type, Fill&& fill)
+  {
+    require_my_turn(type);
+    wire::begin(outgoing_);
+    wire::Writer writer(outgoing_);
+    fill(writer);
+    send_sealed(type);
+  }
+
+  /// Sends content that the next state depends on; its header already speaks of the new state (WINDOW).
+  template <class Content>
+  void send_learning(MessageType type, const Content& content)
+  {
+    send(type,
+         [&](wire::Writer& out)
+         {
+           learn(type, content);
+           wire::write(out, content);
+         });
+  }
+
+  void send_vector(MessageType type, std::span<const double> values)
+  {
+    require_my_turn(type);
+    require_vector_size(type, values.size());
+    wire::begin(outgoing_);
+    wire::Writer(outgoing_).bytes(values.data(), values.size_bytes());
+    send_sealed(type);
+  }
+
+  /// Waits for `wanted` or what else the state allows in its place (BYE for WINDOW); reader() has the
+  /// payload.
+  MessageType receive(MessageType wanted)
+  {
+    if (state_ == State::closed || turn(state_).speaker == end_ || !turn(state_).allows(wanted))
+      throw ProtocolError(code::internal_error, "this program waits for " + std::string(name_of(wanted)) +
+                                                    " of '" + partner_ + "', but next comes " +
+                                                    expected_text());
+    for (;;)
+    {
+      const auto start = Clock::now();
+      try
+      {
+        channel_->receive(incoming_);
+      }
+      catch (...)
+      {
+        waited_ += Clock::now() - start;
+        throw;
+      }
+      waited_ += Clock::now() - start;
+
+      const Header header = wire::open(incoming_, partner_, [this] { return expected_text(); });
+      if (header.sequence != last_in_.sequence + 1)
+        throw ProtocolError(code::message_out_of_order,
+                            "'" + partner_ + "' sent " + title(header) + ", expected number " +
+                                std::to_string(last_in_.sequence + 1) + " (" + expected_text() + ")");
+      last_in_ = header;
+      switch (header.type)
+      {
+      case MessageType::ping:
+        continue;
+      case MessageType::fail:
+        throw_failure();
+      case MessageType::stop_request:
+        if (end_ == End::coupler)
+        {
+          stop_reason_ = wire::read_reason(reader());
+          stop_requested_ = true;
+          continue;
+        }
+        [[fallthrough]];
+      default:
+        require_allowed(header);
+        return header.type;
+      }
+    }
+  }
+
+  void receive_vector(MessageType type, std::span<double> values)
+  {
+    receive(type);
+    require_vector_size(type, values.size());
+    const auto payload = wire::payload(incoming_);
+    if (payload.size() != values.size_bytes())
+      reader().reject("payload", std::to_string(payload.size()) + " bytes",
+                      std::to_string(values.size_bytes()) + " bytes (" +
+                          std::to_string(size_ / std::size_t(dim_)) + " nodes of the MESH x " +
+                          std::to_string(dim_) + ")");
+    if (!values.empty())
+      std::memcpy(values.data(), payload.data(), payload.size());
+    if (const std::size_t bad = wire::first_not_finite(values); bad < values.size())
+      reader().reject("component " + std::to_string(bad % std::size_t(dim_)) + " of node " +
+                          std::to_string(bad / std::size_t(dim_)) + " of the MESH",
+                      std::to_string(values[bad]), "a finite number (t = " + number_text(last_in_.t) + " s)");
+    advance(type);
+  }
+
+  /// Payload of the message received last, with its name for errors.
+  wire::Reader reader() const
+  {
+    return wire::Reader(wire::payload(incoming_), title(last_in_) + " from '" + partner_ + "'");
+  }
+
+  // What both ends learn from the content of a message and the next state depends on.
+  void learn(MessageType, const Setup& setup)
+  {
+    setup_dim_ = setup.dim;
+    window_.t_begin = window_.t_end = setup.t_begin;
+  }
+
+  void learn(MessageType type, const SurfaceMesh& mesh)
+  {
+    if (mesh.dim != setup_dim_)
+      reader_or_own(type).reject("dim", std::to_string(mesh.dim), std::to_string(setup_dim_) + " (SETUP)");
+    if (type == MessageType::mesh_update && mesh.epoch <= epoch_)
+      reader_or_own(type).reject("epoch", std::to_string(mesh.epoch),
+                                 "more than " + std::to_string(epoch_) + ", that of the last surface");
+    dim_ = mesh.dim;
+    epoch_ = mesh.epoch;
+    size_ = static_cast<std::size_t>(mesh.n_nodes()) * static_cast<std::size_t>(mesh.dim);
+  }
+
+  void learn(MessageType, const wire::MeshReply& reply) { mesh_accepted_ = reply.accepted; }
+  void learn(MessageType, const Report& report) { surface_changed_ = report.surface_changed; }
+
+  void learn(MessageType, const Window& window)
+  {
+    window_ = window;
+    exchanges_ = window.fine ? window.steps : 1;
+    exchange_ = 0;
+  }
+
+  /// Ends the treatment of a received message: its content counts from now on.
+  template <class Content>
+  void accept(MessageType type, const Content& content)
+  {
+    learn(type, content);
+    advance(type);
+  }
+
+  void advance(MessageType type)
+  {
+    switch (type)
+    {
+    case MessageType::setup:
+      state_ = State::mesh;
+      break;
+    case MessageType::mesh:
+      state_ = State::mesh_reply;
+      break;
+    case MessageType::mesh_reply:
+      state_ = mesh_accepted_ ? State::report : State::closed;
+      break;
+    case MessageType::ready:
+      state_ = surface_changed_ ? State::mesh_update : State::window_or_bye;
+      break;
+    case MessageType::mesh_update:
+      state_ = State::window_or_bye;
+      break;
+    case MessageType::window:
+      state_ = window_.activate ? State::kinematics : State::free_velocity;
+      break;
+    case MessageType::kinematics:
+      state_ = State::activation;
+      break;
+    case MessageType::activation_impulse:
+      state_ = State::free_velocity;
+      break;
+    case MessageType::free_velocity:
+      state_ = State::link_force;
+      break;
+    case MessageType::link_force:
+      ++exchange_;
+      state_ = exchange_ < exchanges_ ? State::free_velocity : State::report;
+      break;
+    case MessageType::bye:
+      state_ = State::bye_ack;
+      break;
+    case MessageType::bye_ack:
+      state_ = State::closed;
+      break;
+    default:
+      break; // PING, STOP_REQUEST: no influence
+    }
+  }
+
+  void ping()
+  {
+    const auto now = Clock::now();
+    if (state_ == State::closed || now - last_sent_ < std::chrono::milliseconds(250))
+      return;
+    wire::begin(outgoing_);
+    send_sealed(MessageType::ping);
+  }
+
+  void send_stop_request(const std::string& reason)
+  {
+    if (state_ == State::closed)
+      return; // the run has ended anyway
+    wire::begin(outgoing_);
+    wire::Writer(outgoing_).string(reason);
+    send_sealed(MessageType::stop_request);
+  }
+
+  void send_failure(int code, const std::string& text) noexcept
+  {
+    try
+    {
+      wire::begin(outgoing_);
+      wire::Writer writer(outgoing_);
+      wire::write(writer, wire::Failed{.code = code, .text = text});
+      send_sealed(MessageType::fail);
+      if (end_ == End::participant)
+        failure_announced = true;
+    }
+    catch (...)
+    {
+      // The partner is gone or the memory is full; the caller is about to end the program for a better
+      // reason.
+    }
+  }
+
+  std::size_t size() const { return size_; }
+  const std::string& partner() const { return partner_; }
+  bool stop_requested() const { return stop_requested_; }
+  const std::string& stop_reason() const { return stop_reason_; }
+  double wait_seconds() const { return std::chrono::duration<double>(waited_).count(); }
+
+private:
+  static std::string title(const Header& header)
+  {
+    std::string name = name_of(header.type);
+    if (name == "UNKNOWN")
+      name = "a message of unknown type " + std::to_string(static_cast<int>(header.type));
+    return name + " #" + std::to_string(header.sequence);
+  }
+
+  /// Reader of the message received, or, when this end checks its own, one that names it.
+  wire::Reader reader_or_own(MessageType type) const
+  {
+    if (turn(state_).speaker != end_)
+      return reader();
+    return wire::Reader({}, std::string(name_of(type)) + " to '" + partner_ + "'");
+  }
+
+  std::string place() const
+  {
+    if (window_.index < 0)
+      return "before the first window";
+    std::string text = "window " + std::to_string(window_.index);
+    if (state_ == State::free_velocity || state_ == State::link_force)
+      text += ", exchange " + std::to_string(exchange_ + 1) + " of " + std::to_string(exchanges_);
+    return text;
+  }
+
+  std::string expected_text() const
+  {
+    if (state_ == State::closed)
+      return "nothing, the conversation is over";
+    const Turn now = turn(state_);
+    std::string text = name_of(now.types[0]);
+    if (now.types[1] != now.types[0])
+      text += std::string(" or ") + name_of(now.types[1]);
+    return text + (now.speaker == End::coupler ? " of the coupler (" : " of the participant (") + place() +
+           ")";
+  }
+
+  std::string silence_text(double seconds) const
+  {
+    std::string last = "It has not sent anything yet";
+    if (last_in_.sequence > 0)
+    {
+      last = "Last: " + title(last_in_);
+      if (last_in_.window >= 0)
+        last += " (window " + std::to_string(last_in_.window) + ", t = " + number_text(last_in_.t) + " s)";
+    }
+    return "'" + partner_ + "' has sent nothing for " + number_text(std::floor(seconds * 10.0) / 10.0) +
+           " s.  " + last + "; expected " + expected_text();
+  }
+
+  [[noreturn]] void throw_failure() const
+  {
+    const wire::Failed failed = wire::read_failed(reader());
+    throw ProtocolError(code::partner_failed, "'" + partner_ + "' failed (exit code " +
+                                                  std::to_string(failed.code) + "): " + failed.text);
+  }
+
+  void require_allowed(const Header& header) const
+  {
+    if (!turn(state_).allows(header.type))
+      throw ProtocolError(code::message_out_of_order,
+                          "'" + partner_ + "' sent " + title(header) + ", expected " + expected_text());
+    // A WINDOW opens the window it carries; everything else belongs to the window in progress.
+    if (header.type != MessageType::window && header.window != window_.index)
+      throw ProtocolError(code::message_out_of_order, "'" + partner_ + "' sent " + title(header) +
+                                                          " of window " + std::to_string(header.window) +
+                                                          ", expected window " +
+                                                          std::to_string(window_.index));
+  }
+
+  void require_my_turn(MessageType type) const
+  {
+    const Turn now = turn(state_);
+    if (state_ == State::closed || now.speaker != end_ || !now.allows(type))
+      throw ProtocolError(code::message_out_of_order, std::string(name_of(type)) + " cannot be sent to '" +
+                                                          partner_ + "' now, expected " + expected_text());
+  }
+
+  void require_vector_size(MessageType type, std::size_t size) const
+  {
+    if (size != size_)
+      throw ProtocolError(code::internal_error, std::string(name_of(type)) + " with '" + partner_ +
+                                                    "': this program gave " + std::to_string(size) +
+                                                    " numbers, expected " + std::to_string(size_) +
+                                                    " (nodes x dim of the MESH)");
+  }
+
+  /// Time that a message of this state belongs to: step counts times dt, never a sum.
+  double time() const
+  {
+    if (state_ == State::free_velocity || state_ == State::link_force)
+      return exchange_ + 1 == exchanges_
+                 ? window_.t_end
+                 : window_.t_begin + static_cast<double>(exchange_ + 1) * window_.dt();
+    return state_ == State::kinematics || state_ == State::activation ? window_.t_begin : window_.t_end;
+  }
+
+  void send_sealed(MessageType type)
+  {
+    wire::seal(outgoing_, Header{.type = type,
+                                 .sequence = sequence_out_ + 1,
+                                 .window = window_.index,
+                                 .t = time(),
+                                 .dt = window_.index < 0 ? 0.0 : window_.dt()});
+    channel_->send(outgoing_);
+    ++sequence_out_;
+    last_sent_ = Clock::now();
+    advance(type);
+  }
+
+  std::unique_ptr<Channel> channel_;
+  End end_;
+  std::string partner_;
+
+  State state_ = State::setup;
+  int setup_dim_ = 0;
+  int dim_ = 1;
+  std::size_t size_ = 0; ///< numbers in a vector of the wet surface
+  std::uint32_t epoch_ = 0;
+  bool mesh_accepted_ = false;
+  bool surface_changed_ = false;
+  Window window_{.index = -1};
+  std::int64_t exchange_ = 0;
+  std::int64_t exchanges_ = 0;
+
+  std::vector<std::byte> outgoing_;
+  std::vector<std::byte> incoming_;
+  Header last_in_;
+  std::uint64_t sequence_out_ = 0;
+  bool stop_requested_ = false;
+  std::string stop_reason_;
+  Clock::duration waited_{0};
+  Clock::time_point last_sent_{};
+};
+
+} // namespace
+
+struct SolverLink::Conversation : link::Conversation
+{
+  using link::Conversation::Conversation;
+};
+
+struct PartnerLink::Conversation : link::Conversation
+{
+  using link::Conversation::Conversation;
+};
+
+SolverLink::SolverLink(std::unique_ptr<Channel> channel)
+    : conversation_(std::make_unique<Conversation>(std::move(channel), End::participant, "coupler"))
+{
+}
+SolverLink::~SolverLink() = default;
+SolverLink::SolverLink(SolverLink&&) noexcept = default;
+
+Setup SolverLink::receive_setup()
+{
+  conversation_->receive(MessageType::setup);
+  Setup setup = wire::read_setup(conversation_->reader());
+  conversation_->accept(MessageType::setup, setup);
+  return setup;
+}
+
+void SolverLink::send_mesh(const SurfaceMesh& mesh)
+{
+  conversation_->send_learning(MessageType::mesh, mesh);
+  conversation_->receive(MessageType::mesh_reply);
+  const wire::MeshReply reply = wire::read_mesh_reply(conversation_->reader());
+  conversation_->accept(MessageType::mesh_reply, reply);
+  if (!reply.accepted)
+    throw ProtocolError(code::bad_input_file, "the coupler rejected the wet surface: " + reply.reason);
+}
+
+void SolverLink::send_report(const Report& report)
+{
+  conversation_->send_learning(MessageType::ready, report);
+}
+
+void SolverLink::send_mesh_update(const SurfaceMesh& mesh)
+{
+  conversation_->send_learning(MessageType::mesh_update, mesh);
+}
+
+std::optional<Window> SolverLink::next_window()
+{
+  if (conversation_->receive(MessageType::window) == MessageType::bye)
+  {
+    wire::read_reason(conversation_->reader());
+    conversation_->advance(MessageType::bye);
+    conversation_->send(MessageType::bye_ack, [](wire::Writer&) {});
+    return std::nullopt;
+  }
+  const Window window = wire::read_window(conversation_->reader());
+  conversation_->accept(MessageType::window, window);
+  return window;
+}
+
+void SolverLink::send_kinematics(const Kinematics& kinematics)
+{
+  conversation_->send(MessageType::kinematics, [&](wire::Writer& out) { wire::write(out, kinematics); });
+}
+
+Activation SolverLink::receive_activation()
+{
+  conversation_->receive(MessageType::activation_impulse);
+  Activation activation = wire::read_activation(conversation_->reader(), conversation_->size());
+  conversation_->advance(MessageType::activation_impulse);
+  return activation;
+}
+
+void SolverLink::send_free_velocity(std::span<const double> v_free)
+{
+  conversation_->send_vector(MessageType::free_velocity, v_free);
+}
+
+void SolverLink::receive_link_force(std::span<double> f_link)
+{
+  conversation_->receive_vector(MessageType::link_force, f_link);
+}
+
+void SolverLink::send_stop_request(const std::string& reason) { conversation_->send_stop_request(reason); }
+void SolverLink::send_failure(int code, const std::string& text) noexcept
+{
+  conversation_->send_failure(code, text);
+}
+void SolverLink::ping() { conversation_->ping(); }
+double SolverLink::wait_seconds() const { return conversation_->wait_seconds(); }
+
+PartnerLink::PartnerLink(std::unique_ptr<Channel> channel, std::string role)
+    : conversation_(std::make_unique<Conversation>(std::move(channel), End::coupler, std::move(role)))
+{
+}
+PartnerLink::~PartnerLink() = default;
+PartnerLink::PartnerLink(PartnerLink&&) noexcept = default;
+
+void PartnerLink::send_setup(const Setup& setup) { conversation_->send_learning(MessageType::setup, setup); }
+
+SurfaceMesh PartnerLink::receive_mesh()
+{
+  conversation_->receive(MessageType::mesh);
+  SurfaceMesh mesh = wire::read_surface_mesh(conversation_->reader());
+  conversation_->accept(MessageType::mesh, mesh);
+  return mesh;
+}
+
+void PartnerLink::accept_mesh()
+{
+  const wire::MeshReply reply;
+  conversation_->send_learning(MessageType::mesh_reply, reply);
+}
+
+void PartnerLink::reject_mesh(const std::string& reason)
+{
+  const wire::MeshReply reply{.accepted = false, .reason = reason};
+  conversation_->send_learning(MessageType::mesh_reply, reply);
+}
+
+Report PartnerLink::receive_report()
+{
+  conversation_->receive(MessageType::ready);
+  const Report report = wire::read_report(conversation_->reader());
+  conversation_->accept(MessageType::ready, report);
+  return report;
+}
+
+SurfaceMesh PartnerLink::receive_mesh_update()
+{
+  conversation_->receive(MessageType::mesh_update);
+  SurfaceMesh mesh = wire::read_surface_mesh(conversation_->reader());
+  conversation_->accept(MessageType::mesh_update, mesh);
+  return mesh;
+}
+
+void PartnerLink::send_window(const Window& window)
+{
+  conversation_->send_learning(MessageType::window, window);
+}
+
+Kinematics PartnerLink::receive_kinematics()
+{
+  conversation_->receive(MessageType::kinematics);
+  Kinematics kinematics = wire::read_kinematics(conversation_->reader(), conversation_->size());
+  conversation_->advance(MessageType::kinematics);
+  return kinematics;
+}
+
+void PartnerLink::send_activation(const Activation& activation)
+{
+  conversation_->send(MessageType::activation_impulse,
+                      [&](wire::Writer& out) { wire::write(out, activation); });
+}
+
+void PartnerLink::receive_free_velocity(std::span<double> v_free)
+{
+  conversation_->receive_vector(MessageType::free_velocity, v_free);
+}
+
+void PartnerLink::send_link_force(std::span<const double> f_link)
+{
+  conversation_->send_vector(MessageType::link_force, f_link);
+}
+
+bool PartnerLink::stop_requested() const { return conversation_->stop_requested(); }
+const std::string& PartnerLink::stop_reason() const { return conversation_->stop_reason(); }
+void PartnerLink::ping() { conversation_->ping(); }
+
+void PartnerLink::send_bye()
+{
+  conversation_->send(MessageType::bye, [](wire::Writer& out) { out.string(""); });
+  conversation_->receive(MessageType::bye_ack);
+  conversation_->reader().end();
+  conversation_->advance(MessageType::bye_ack);
+}
+
+void PartnerLink::send_failure(int code, const std::string& text) noexcept
+{
+  conversation_->send_failure(code, text);
+}
+const std::string& PartnerLink::role() const { return conversation_->partner(); }
+double PartnerLink::wait_seconds() const { return conversation_->wait_seconds(); }
+
+} // namespace undine::link

@@ -1,0 +1,260 @@
+// A conversation over an MPI intercommunicator: nonblocking sends, a receive loop that shares its core.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common/coupling/mpi_channel.hpp"
+
+#include "common/coupling/exit_codes.hpp"
+
+#include <sched.h>
+#include <sys/prctl.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <limits>
+
+namespace undine::link
+{
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int message_tag = 1;
+constexpr int heartbeat_tag = 2;
+
+void require_success(int result, const char* doing)
+{
+  if (result == MPI_SUCCESS)
+    return;
+  char text[MPI_MAX_ERROR_STRING];
+  int length = 0;
+  MPI_Error_string(result, text, &length);
+  throw ProtocolError(code::partner_silent, std::string("MPI failed while ") + doing + ": " +
+                                                std::string(text, std::size_t(length)));
+}
+
+bool mpi_is_usable()
+{
+  int initialized = 0;
+  int finalized = 0;
+  MPI_Initialized(&initialized);
+  MPI_Finalized(&finalized);
+  return initialized != 0 && finalized == 0;
+}
+
+/// How a waiting process passes its time: first it spins (the answer of a running partner comes within
+/// microseconds), then it yields (partners may outnumber the cores), then it sleeps, ever longer in
+/// proportion to the wait.
+class Patience
+{
+public:
+  /// `stall` ≤ 0: no limit.
+  explicit Patience(double stall) : stall_(stall) {}
+
+  /// Forget what was waited: something came.
+  void restart()
+  {
+    waited_ = 0.0;
+    turns_ = 0;
+    warned_ = false;
+    running_ = false;
+  }
+
+  enum class Verdict
+  {
+    wait,
+    warn,
+    give_up
+  };
+
+  Verdict pause()
+  {
+    ++turns_;
+    if (turns_ <= spins)
+      return Verdict::wait;
+    measure();
+    if (waited_ < yield_until)
+      sched_yield();
+    else
+      sleep();
+    if (stall_ > 0.0 && waited_ >= stall_)
+      return Verdict::give_up;
+    if (stall_ > 0.0 && waited_ >= 0.5 * stall_ && !warned_)
+    {
+      warned_ = true;
+      return Verdict::warn;
+    }
+    return Verdict::wait;
+  }
+
+  double waited() const { return waited_; }
+  bool long_wait() const { return waited_ > yield_until; }
+
+private:
+  static constexpr int spins = 2000;
+  static constexpr double yield_until = 1e-3; // [s]
+
+  void measure()
+  {
+    const auto now = Clock::now();
+    if (running_)
+    {
+      // A job that was suspended as a whole (SIGSTOP, scontrol suspend) must not wake up into a stall: one
+      // turn of the loop counts as a second at most.
+      waited_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
+    }
+    running_ = true;
+    last_ = now;
+  }
+
+  void sleep() const
+  {
+    // Two per cent of the time waited so far: the delay stays small against the wait, and so does the CPU
+    // time.
+    const double seconds = std::clamp(0.02 * waited_, 20e-6, 1e-3);
+    const timespec duration{.tv_sec = 0, .tv_nsec = static_cast<long>(seconds * 1e9)};
+    nanosleep(&duration, nullptr);
+  }
+
+  double stall_;
+  double waited_ = 0.0;
+  int turns_ = 0;
+  bool warned_ = false;
+  bool running_ = false;
+  Clock::time_point last_{};
+};
+
+} // namespace
+
+Intercommunicators::~Intercommunicators()
+{
+  // While an exception unwinds the program is about to abort, and the partner will not help to free.
+  if (std::uncaught_exceptions() > 0 || !mpi_is_usable())
+    return;
+  for (MPI_Comm& comm : comms_)
+    MPI_Comm_free(&comm);
+}
+
+void Intercommunicators::beat(MPI_Comm except, double period)
+{
+  if (comms_.size() < 2)
+    return;
+  const auto now = Clock::now();
+  if (std::chrono::duration<double>(now - last_beat_).count() < period)
+    return;
+  last_beat_ = now;
+  for (const MPI_Comm comm : comms_)
+    if (comm != except)
+    {
+      MPI_Request request = MPI_REQUEST_NULL;
+      require_success(MPI_Isend(nullptr, 0, MPI_BYTE, 0, heartbeat_tag, comm, &request),
+                      "sending a heartbeat");
+      MPI_Request_free(&request); // no buffer, nothing to wait for
+    }
+}
+
+MpiChannel::MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm, double stall_seconds)
+    : owner_(std::move(owner)), comm_(comm), stall_(stall_seconds)
+{
+  // The kernel rounds sleeps up by 50 µs unless told otherwise; the back-off wants 20 µs.
+  prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
+}
+
+MpiChannel::~MpiChannel()
+{
+  if (mpi_is_usable())
+  {
+    const auto limit = Clock::now() + std::chrono::seconds(1);
+    while (!progress_sends() && Clock::now() < limit)
+      sched_yield();
+  }
+  for (auto& slot : outgoing_)
+    if (slot->request != MPI_REQUEST_NULL)
+      static_cast<void>(slot.release()); // MPI may still read it
+}
+
+/// Completes what can be completed; true if no send is in progress.
+bool MpiChannel::progress_sends()
+{
+  bool idle = true;
+  for (auto& slot : outgoing_)
+    if (slot->request != MPI_REQUEST_NULL)
+    {
+      int done = 0;
+      if (MPI_Test(&slot->request, &done, MPI_STATUS_IGNORE) != MPI_SUCCESS)
+        slot->request = MPI_REQUEST_NULL; // the partner is gone; receive() will say so
+      else if (done == 0)
+        idle = false;
+    }
+  return idle;
+}
+
+void MpiChannel::send(std::span<const std::byte> message)
+{
+  if (message.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    throw ProtocolError(code::internal_error, "a message of " + std::to_string(message.size()) +
+                                                  " bytes cannot be sent; the limit is 2 GiB");
+  progress_sends();
+  auto slot = std::find_if(outgoing_.begin(), outgoing_.end(),
+                           [](const auto& s) { return s->request == MPI_REQUEST_NULL; });
+  if (slot == outgoing_.end())
+    slot = outgoing_.insert(outgoing_.end(), std::make_unique<Outgoing>());
+  Outgoing& out = **slot;
+  out.bytes.assign(message.begin(), message.end());
+  require_success(MPI_Isend(out.bytes.data(), static_cast<int>(out.bytes.size()), MPI_BYTE, 0, message_tag,
+                            comm_, &out.request),
+                  "sending");
+}
+
+void MpiChannel::receive(std::vector<std::byte>& message)
+{
+  Patience patience(stall_);
+  const auto pause = [this, &patience]
+  {
+    switch (patience.pause())
+    {
+    case Patience::Verdict::give_up:
+      throw ProtocolError(code::partner_silent, waiting_text(patience.waited()));
+    case Patience::Verdict::warn:
+      std::fprintf(stderr, "warning: %s\n", waiting_text(patience.waited()).c_str());
+      break;
+    case Patience::Verdict::wait:
+      break;
+    }
+    if (stall_ > 0.0 && patience.long_wait())
+      owner_->beat(comm_, std::min(5.0, 0.2 * stall_));
+  };
+
+  for (;;)
+  {
+    int found = 0;
+    MPI_Message handle = MPI_MESSAGE_NULL;
+    MPI_Status status;
+    require_success(MPI_Improbe(0, MPI_ANY_TAG, comm_, &found, &handle, &status), "waiting for a message");
+    if (found == 0)
+    {
+      progress_sends();
+      pause();
+      continue;
+    }
+    int size = 0;
+    MPI_Get_count(&status, MPI_BYTE, &size);
+    message.resize(static_cast<std::size_t>(size));
+    MPI_Request request = MPI_REQUEST_NULL;
+    require_success(MPI_Imrecv(message.data(), size, MPI_BYTE, &handle, &request), "receiving");
+    patience.restart();
+    for (int done = 0;;)
+    {
+      require_success(MPI_Test(&request, &done, MPI_STATUS_IGNORE), "receiving");
+      if (done != 0)
+        break;
+      pause(); // a large message may still be on its way
+    }
+    if (status.MPI_TAG == heartbeat_tag)
+      continue;
+    return;
+  }
+}
+
+} // namespace undine::link
