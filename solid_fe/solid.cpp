@@ -1,0 +1,410 @@
+// One step of the explicit solid, and its balances.
+#include "solid_fe/solid.hpp"
+
+#include "common/error.hpp"
+#include "solid_fe/critical_time_step.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cstdio>
+#include <limits>
+
+namespace undine::solid
+{
+
+template <int dim>
+Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
+    : reference_(number_wet_nodes_first(mesh, config.wet)), wet_(config.wet),
+      step_safety_(config.step_safety), gravity_(to_vec<dim>(config.gravity, "solid.gravity"))
+{
+  const auto n = reference_.mesh.x.size();
+  std::vector<double> nodal_volume(n, 0.0);
+  const Material material = make_material(config.material);
+  for (auto& block : reference_blocks(reference_.mesh, reference_.n_wet, std::span<double>(nodal_volume)))
+    bodies_.push_back({std::move(block), material, config.material.density});
+  if (bodies_.empty())
+    throw InputError("mesh: no element of dimension " + std::to_string(dim) + " in the solid's mesh",
+                     ExitCode::bad_input_file);
+
+  const auto motion = prescribed_motion(reference_.mesh, config);
+  loads_ = nodal_loads(reference_.mesh, config);
+
+  nodes_.X = reference_.mesh.x;
+  nodes_.u.resize(n);
+  nodes_.v.resize(n);
+  nodes_.a.resize(n);
+  nodes_.m.resize(n);
+  nodes_.inverse_mass.resize(n);
+  for (std::size_t k = 0; k < n; ++k)
+  {
+    nodes_.m[k] = config.material.density * nodal_volume[k];
+    for (int i = 0; i < dim; ++i)
+      nodes_.inverse_mass[k][i] = 1.0 / nodes_.m[k];
+  }
+  for (const auto& [node, prescribed] : motion)
+    for (int i = 0; i < dim; ++i)
+      if (prescribed.fixed[static_cast<std::size_t>(i)])
+      {
+        nodes_.inverse_mass[static_cast<std::size_t>(node)][i] = 0.0;
+        nodes_.v[static_cast<std::size_t>(node)][i] = prescribed.v[i];
+        if (prescribed.v[i] != 0.0)
+          driven_.push_back({static_cast<std::size_t>(node), i, 0.0});
+      }
+
+  F_int_.resize(n);
+  F_ext_.resize(n);
+  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
+  a_free_wet_.resize(n_wet);
+  f_link_.resize(n_wet);
+  step_of_wet_.resize(n_wet);
+
+  const auto v0 = to_vec<dim>(config.initial_velocity, "solid.initial_velocity");
+  set_motion([](const Vec<dim>&) { return Vec<dim>{}; }, [&v0](const Vec<dim>&) { return v0; });
+}
+
+template <int dim>
+void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
+                            const std::function<Vec<dim>(const Vec<dim>&)>& v, double t)
+{
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+  {
+    nodes_.u[n] = u(nodes_.X[n]);
+    const auto v_n = v(nodes_.X[n]);
+    for (int i = 0; i < dim; ++i)
+      if (nodes_.inverse_mass[n][i] > 0.0) // prescribed components keep their velocity
+        nodes_.v[n][i] = v_n[i];
+  }
+  t_origin_ = t;
+  steps_of_dt_ = step_ = 0;
+  loads_are_full_ = false;
+  update_external_force(t);
+  std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
+  add_internal_force_of(Part::interface);
+  add_internal_force_of(Part::interior);
+  move_free(0.0, 0, nodes_.size());
+  std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
+  std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
+  start_balances();
+}
+
+template <int dim>
+void Solid<dim>::start_balances()
+{
+  load_work_ = driven_work_ = interface_work_ = 0.0;
+  gravity_reference_ = 0.0;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
+  for (auto& driven : driven_)
+    driven.reaction = driven_force(driven);
+}
+
+template <int dim>
+void Solid<dim>::predict(double dt)
+{
+  if (dt != dt_)
+  {
+    t_origin_ = time();
+    steps_of_dt_ = 0;
+    dt_ = dt;
+  }
+  const double load_time = time();
+  ++steps_of_dt_;
+  ++step_;
+
+  const double half = 0.5 * dt;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+  {
+    nodes_.v[n] += half * nodes_.a[n];
+    nodes_.u[n] += dt * nodes_.v[n];
+  }
+
+  for (std::size_t n = 0; n < step_of_wet_.size(); ++n)
+    step_of_wet_[n] = dt * nodes_.v[n];
+  for (const auto& load : loads_)
+  {
+    const double mean_factor = 0.5 * (load.factor(load_time) + load.factor(time()));
+    for (std::size_t k = 0; k < load.nodes.size(); ++k)
+      load_work_ += mean_factor * dt * dot(load.force[k], nodes_.v[static_cast<std::size_t>(load.nodes[k])]);
+  }
+}
+
+template <int dim>
+void Solid<dim>::solve_free_motion(double dt)
+{
+  solve_free_motion_of_interface(dt);
+  solve_free_motion_of_interior(dt);
+}
+
+template <int dim>
+void Solid<dim>::solve_free_motion_of_interface(double dt)
+{
+  update_external_force(time());
+  std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
+  add_internal_force_of(Part::interface);
+  move_free(dt, 0, reference_.n_wet);
+  std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
+}
+
+template <int dim>
+void Solid<dim>::solve_free_motion_of_interior(double dt)
+{
+  add_internal_force_of(Part::interior);
+  move_free(dt, reference_.n_wet, nodes_.size());
+
+  for (auto& driven : driven_)
+  {
+    const double reaction = driven_force(driven);
+    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * nodes_.v[driven.node][driven.component];
+    driven.reaction = reaction;
+  }
+}
+
+template <int dim>
+void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
+{
+  assert(f_link.size() == f_link_.size() * dim);
+  const double half = 0.5 * dt;
+  for (std::size_t n = 0; n < f_link_.size(); ++n)
+  {
+    Vec<dim> f;
+    for (int i = 0; i < dim; ++i)
+    {
+      f[i] = f_link[n * dim + static_cast<std::size_t>(i)];
+      const double a_link = nodes_.inverse_mass[n][i] * f[i];
+      nodes_.a[n][i] += a_link;
+      nodes_.v[n][i] += half * a_link;
+    }
+    interface_work_ += 0.5 * dot(f_link_[n] + f, step_of_wet_[n]);
+    f_link_[n] = f;
+  }
+  for (auto& driven : driven_) // what the link pushes into a driven component, its support takes up
+    if (driven.node < f_link_.size())
+    {
+      const double f = f_link_[driven.node][driven.component];
+      driven_work_ -= 0.5 * f * dt * nodes_.v[driven.node][driven.component];
+      driven.reaction -= f;
+    }
+}
+
+template <int dim>
+void Solid<dim>::apply_activation(const link::Activation& activation)
+{
+  assert(activation.impulse.size() == f_link_.size() * dim &&
+         activation.link_force.size() == f_link_.size() * dim);
+  for (std::size_t n = 0; n < f_link_.size(); ++n)
+    for (int i = 0; i < dim; ++i)
+    {
+      const double impulse = activation.impulse[n * dim + static_cast<std::size_t>(i)];
+      const double v_before = nodes_.v[n][i];
+      nodes_.v[n][i] += nodes_.inverse_mass[n][i] * impulse;
+      if (nodes_.inverse_mass[n][i] > 0.0)
+        interface_work_ += impulse * 0.5 * (v_before + nodes_.v[n][i]);
+      f_link_[n][i] = activation.link_force[n * dim + static_cast<std::size_t>(i)];
+      nodes_.a[n][i] = a_free_wet_[n][i] + nodes_.inverse_mass[n][i] * f_link_[n][i];
+    }
+  for (auto& driven : driven_)
+    driven.reaction =
+        driven_force(driven) - (driven.node < f_link_.size() ? f_link_[driven.node][driven.component] : 0.0);
+}
+
+template <int dim>
+link::SurfaceMesh Solid<dim>::wet_surface() const
+{
+  return surface_message(reference_, wet_, nodes_);
+}
+
+template <int dim>
+std::span<const double> Solid<dim>::interface_velocity() const
+{
+  static_assert(sizeof(Vec<dim>) == dim * sizeof(double));
+  return {reinterpret_cast<const double*>(nodes_.v.data()), static_cast<std::size_t>(reference_.n_wet) * dim};
+}
+
+template <int dim>
+link::Kinematics Solid<dim>::interface_kinematics() const
+{
+  link::Kinematics kinematics;
+  const auto v = interface_velocity();
+  kinematics.v.assign(v.begin(), v.end());
+  for (const auto& a : a_free_wet_)
+    kinematics.a_free.insert(kinematics.a_free.end(), a.c.begin(), a.c.end());
+  return kinematics;
+}
+
+template <int dim>
+double Solid<dim>::critical_time_step() const
+{
+  double dt = std::numeric_limits<double>::infinity();
+  for (const auto& body : bodies_)
+    dt = std::min(dt, stable_step(body, std::span<const Vec<dim>>(nodes_.u)));
+  return step_safety_ * dt;
+}
+
+template <int dim>
+Energies Solid<dim>::energies() const
+{
+  Energies e;
+  double gravity_work = -gravity_reference_;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+  {
+    e.kinetic += 0.5 * nodes_.m[n] * norm_squared(nodes_.v[n]);
+    gravity_work += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
+  }
+  for (const auto& body : bodies_)
+    e.strain += strain_energy(body, std::span<const Vec<dim>>(nodes_.u));
+  e.external = gravity_work + load_work_ + driven_work_;
+  e.interface = interface_work_;
+  return e;
+}
+
+template <int dim>
+double Solid<dim>::mass() const
+{
+  double mass = 0.0;
+  for (const double m : nodes_.m)
+    mass += m;
+  return mass;
+}
+
+template <int dim>
+Vec<dim> Solid<dim>::linear_momentum() const
+{
+  Vec<dim> momentum;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    momentum += nodes_.m[n] * nodes_.v[n];
+  return momentum;
+}
+
+template <int dim>
+Vec<3> Solid<dim>::angular_momentum() const
+{
+  Vec<3> momentum;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+  {
+    Vec<3> x, v;
+    for (int i = 0; i < dim; ++i)
+    {
+      x[i] = nodes_.X[n][i] + nodes_.u[n][i];
+      v[i] = nodes_.v[n][i];
+    }
+    momentum += nodes_.m[n] * cross(x, v);
+  }
+  return momentum;
+}
+
+template <int dim>
+Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
+{
+  Vec<dim> total;
+  for (const index_t k : nodes)
+  {
+    const auto n = static_cast<std::size_t>(k);
+    total += nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
+    if (n < f_link_.size())
+      total -= f_link_[n];
+  }
+  return total;
+}
+
+template <int dim>
+double Solid<dim>::time() const
+{
+  return t_origin_ + static_cast<double>(steps_of_dt_) * dt_;
+}
+
+template <int dim>
+index_t Solid<dim>::n_elements() const
+{
+  index_t n = 0;
+  for (const auto& body : bodies_)
+    n += std::visit([](const auto& block) { return block.size(); }, body.block);
+  return n;
+}
+
+template <int dim>
+std::vector<Vec<dim>> Solid<dim>::internal_force_at(std::span<const Vec<dim>> u) const
+{
+  std::vector<Vec<dim>> F(u.size());
+  for (const auto part : {Part::interface, Part::interior})
+    for (const auto& body : bodies_)
+      add_internal_force(body, part, u, std::span<Vec<dim>>(F));
+  return F;
+}
+
+template <int dim>
+void Solid<dim>::add_internal_force_of(Part part)
+{
+  for (const auto& body : bodies_)
+  {
+    const index_t inverted =
+        add_internal_force(body, part, std::span<const Vec<dim>>(nodes_.u), std::span<Vec<dim>>(F_int_));
+    if (inverted >= 0)
+      fail_inverted(body, inverted);
+  }
+}
+
+template <int dim>
+void Solid<dim>::update_external_force(double t)
+{
+  if (loads_are_full_)
+    return;
+  for (std::size_t n = 0; n < F_ext_.size(); ++n)
+    F_ext_[n] = nodes_.m[n] * gravity_;
+  loads_are_full_ = true;
+  for (const auto& load : loads_)
+  {
+    const double factor = load.factor(t);
+    loads_are_full_ = loads_are_full_ && factor == 1.0;
+    for (std::size_t k = 0; k < load.nodes.size(); ++k)
+      F_ext_[static_cast<std::size_t>(load.nodes[k])] += factor * load.force[k];
+  }
+}
+
+template <int dim>
+void Solid<dim>::move_free(double dt, index_t begin, index_t end)
+{
+  const double half = 0.5 * dt;
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+    for (int i = 0; i < dim; ++i)
+    {
+      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i]);
+      nodes_.a[n][i] = a;
+      nodes_.v[n][i] += half * a;
+    }
+}
+
+template <int dim>
+double Solid<dim>::driven_force(const DrivenComponent& driven) const
+{
+  return F_int_[driven.node][driven.component] - F_ext_[driven.node][driven.component];
+}
+
+template <int dim>
+void Solid<dim>::fail_inverted(const Body<dim>& body, index_t element) const
+{
+  std::visit(
+      [&]<class Element>(const ReferenceBlock<Element>& block)
+      {
+        const auto e = static_cast<std::size_t>(element);
+        Vec<dim> x;
+        for (const index_t n : block.nodes[e])
+          x += (1.0 / Element::nodes) *
+               (nodes_.X[static_cast<std::size_t>(n)] + nodes_.u[static_cast<std::size_t>(n)]);
+        char text[400];
+        std::snprintf(text, sizeof text,
+                      "solid: det F of %s number %d near (%.6g, %.6g, %.6g) m is not positive at step %lld, "
+                      "t = %.9g s: the "
+                      "element is inverted. The load is beyond what this mesh and law can carry, or the step "
+                      "is too large",
+                      element_name(Element::type), block.number[e], x[0], x[1], dim == 3 ? x[dim - 1] : 0.0,
+                      static_cast<long long>(step_), time());
+        throw NumericalError(text);
+      },
+      body.block);
+  throw InternalError("unreachable");
+}
+
+template class Solid<2>;
+template class Solid<3>;
+
+} // namespace undine::solid

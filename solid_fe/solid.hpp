@@ -1,0 +1,136 @@
+// The explicit total-Lagrangian solid: state, one step of central differences in its parts, balances.
+#pragma once
+
+#include "common/coupling/messages.hpp"
+#include "solid_fe/body.hpp"
+#include "solid_fe/boundary_conditions.hpp"
+#include "solid_fe/internal_force.hpp"
+#include "solid_fe/solid_config.hpp"
+#include "solid_fe/solid_nodes.hpp"
+#include "solid_fe/wet_surface.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace undine::solid
+{
+
+/// Energies of the solid [J], per metre of thickness in 2-D. Works are cumulated by the trapezoidal rule in
+/// time, ½ (F_n + F_n+1) · Δu, for which the scheme gives exactly (constant Δt, linear law; up to O(Δt²)
+/// without trend otherwise)
+///     Δ(kinetic − Δt²/8 a·M a) + Δ strain = Δ external + Δ interface,
+/// so that kinetic + strain − external − interface stays within Δt²/8 a·M a of its start.
+struct Energies
+{
+  double kinetic = 0.0;
+  double strain = 0.0;
+  double external = 0.0;  ///< work of gravity, tractions and prescribed motion since the start
+  double interface = 0.0; ///< work of link forces and activation impulses since the start
+
+  double balance() const { return kinetic + strain - external - interface; }
+};
+
+/// Promise: nodes and elements that touch the wet surface come first; u, v, a and the balances belong to one
+/// instant whenever a step is complete; prescribed components never see a force.
+///
+/// One step is predict → solve_free_motion (in one or two parts) → correct_with_link (coupled only):
+/// Newmark's scheme with β = 0, γ = ½, in integer-time form. Positions do not depend on the link force, so it
+/// only corrects a and v.
+template <int dim>
+class Solid
+{
+public:
+  /// At rest in the reference state, with the initial and prescribed velocities and the acceleration of the
+  /// loads at t = 0+.
+  /// @throws InputError for names, values or elements that make no sense
+  Solid(const SolidConfig& config, const Mesh<dim>& mesh);
+
+  /// Start over from u(X) [m] and v(X) [m/s] at time t; prescribed velocities win over v. Balances start at
+  /// zero.
+  void set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
+                  const std::function<Vec<dim>(const Vec<dim>&)>& v, double t = 0.0);
+
+  /// v ← v + Δt/2 a,  u ← u + Δt v.
+  void predict(double dt);
+  /// a = M⁻¹ (F_ext − F_int(u)),  v ← v + Δt/2 a: from here on v is v_free.
+  /// @throws NumericalError if an element is inverted: element, position, step, time
+  void solve_free_motion(double dt);
+  /// The same in two parts: first what the wet nodes need (the elements that touch them), then the rest. Same
+  /// bits.
+  void solve_free_motion_of_interface(double dt);
+  void solve_free_motion_of_interior(double dt);
+  /// a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f on the wet nodes. f_link [N]: n_wet × dim.
+  void correct_with_link(std::span<const double> f_link, double dt);
+
+  /// v ← v + M⁻¹ impulse,  a ← a_free + M⁻¹ link_force on the wet nodes: a compatible start of a constraint.
+  void apply_activation(const link::Activation& activation);
+
+  index_t n_wet_nodes() const { return reference_.n_wet; }
+  link::SurfaceMesh wet_surface() const; ///< at the current position
+  std::span<const double>
+  interface_velocity() const; ///< of the wet nodes [m/s], n_wet × dim; v_free between the parts of a step
+  link::Kinematics interface_kinematics() const; ///< v and a_free of the wet nodes
+
+  /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s].
+  double critical_time_step() const;
+  Energies energies() const;
+  double mass() const;              ///< [kg]
+  Vec<dim> linear_momentum() const; ///< Σ m v [kg m/s]
+  Vec<3> angular_momentum() const; ///< Σ m x × v about the origin [kg m²/s]; in 2-D only the third component
+  Vec<dim> reaction(std::span<const index_t> nodes)
+      const; ///< Σ (M a − F_ext + F_int − f_link): force of the supports on `nodes` [N]
+
+  double time() const; ///< [s]
+  std::int64_t steps() const { return step_; }
+  const SolidNodes<dim>& nodes() const { return nodes_; }
+  const std::vector<Body<dim>>& bodies() const { return bodies_; }
+  const Mesh<dim>& mesh() const { return reference_.mesh; } ///< reference mesh in the solid's numbering
+  const std::vector<index_t>& given_number() const
+  {
+    return reference_.number;
+  } ///< of each node in the mesh it was made from
+  index_t n_elements() const;
+
+  /// F_int at any displacement [N]; for verification and statics, allocates.
+  std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
+
+private:
+  /// A component that moves with a non-zero prescribed velocity, and the reaction that makes it do so.
+  struct DrivenComponent
+  {
+    std::size_t node;
+    int component;
+    double reaction; ///< [N] at the last complete instant
+  };
+
+  void add_internal_force_of(Part part);
+  void update_external_force(double t);
+  void move_free(double dt, index_t begin, index_t end);
+  void start_balances();
+  double driven_force(const DrivenComponent&) const;
+  [[noreturn]] void fail_inverted(const Body<dim>& body, index_t element) const;
+
+  WetFirstMesh<dim> reference_;
+  std::vector<WetConfig> wet_;
+  double step_safety_;
+  Vec<dim> gravity_;
+  std::vector<Body<dim>> bodies_;
+  std::vector<NodalLoad<dim>> loads_;
+  SolidNodes<dim> nodes_;
+  std::vector<Vec<dim>> F_int_, F_ext_; ///< [N]
+  std::vector<DrivenComponent> driven_;
+  bool loads_are_full_ = false;
+
+  std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
+  std::vector<Vec<dim>> f_link_;     ///< last link force [N]
+  std::vector<Vec<dim>> step_of_wet_; ///< Δu of the wet nodes in this step [m]
+
+  double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
+  std::int64_t steps_of_dt_ = 0, step_ = 0;
+  double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]
+  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0;
+};
+
+} // namespace undine::solid

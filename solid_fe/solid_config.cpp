@@ -1,0 +1,53 @@
+// Geometry of a configuration: the built-in box or a mesh file.
+#include "solid_fe/solid_config.hpp"
+
+#include "common/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace undine::solid
+{
+
+std::vector<int> element_counts(const std::vector<double>& size, double element_size)
+{
+  std::vector<int> counts;
+  for (const double length : size)
+    counts.push_back(static_cast<int>(std::max(1.0, std::round(length / element_size))));
+  return counts;
+}
+
+template <int dim>
+Vec<dim> to_vec(const std::vector<double>& numbers, const std::string& key)
+{
+  Vec<dim> v;
+  if (numbers.empty())
+    return v;
+  if (numbers.size() != dim)
+    throw InputError(key + " has " + std::to_string(numbers.size()) + " numbers: must have " +
+                     std::to_string(dim) + " in " + std::to_string(dim) + "-D");
+  std::copy_n(numbers.begin(), dim, v.c.begin());
+  return v;
+}
+
+template <int dim>
+Mesh<dim> make_mesh(const SolidConfig& config)
+{
+  const auto& geometry = config.geometry;
+  if (!geometry.mesh_file.empty())
+    return read_gmsh<dim>(geometry.mesh_file);
+  std::array<int, dim> counts{};
+  if (geometry.elements.size() != dim)
+    throw InputError("solid.elements has " + std::to_string(geometry.elements.size()) +
+                     " numbers: must have " + std::to_string(dim) + " in " + std::to_string(dim) + "-D");
+  std::copy_n(geometry.elements.begin(), dim, counts.begin());
+  return box_mesh<dim>(to_vec<dim>(geometry.origin, "solid.origin"), to_vec<dim>(geometry.size, "solid box"),
+                       counts, geometry.element);
+}
+
+template Vec<2> to_vec<2>(const std::vector<double>&, const std::string&);
+template Vec<3> to_vec<3>(const std::vector<double>&, const std::string&);
+template Mesh<2> make_mesh<2>(const SolidConfig&);
+template Mesh<3> make_mesh<3>(const SolidConfig&);
+
+} // namespace undine::solid

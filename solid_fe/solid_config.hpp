@@ -1,0 +1,80 @@
+// What a case says about the solid: geometry, material, supports, loads.
+#pragma once
+
+#include "common/mesh/mesh.hpp"
+#include "solid_fe/material.hpp"
+
+#include <string>
+#include <vector>
+
+namespace undine::solid
+{
+
+/// `[[solid.fix]]`: components of a surface or node set that do not move (a roller fixes one of them).
+struct FixConfig
+{
+  std::string on;
+  std::vector<std::string> components; ///< of "x", "y", "z"
+};
+
+/// `[[solid.velocity]]`: constant prescribed velocity of a surface or node set.
+struct VelocityConfig
+{
+  std::string on;
+  std::vector<double> value;           ///< [m/s], dim numbers
+  std::vector<std::string> components; ///< those prescribed; empty: all
+};
+
+/// `[[solid.traction]]`: dead load per reference area of a surface.
+struct TractionConfig
+{
+  std::string on;
+  std::vector<double> value; ///< [Pa], dim numbers
+  double ramp = 0.0;         ///< grows linearly from 0 to full over this time [s]; 0: full from the start
+};
+
+/// A surface of the solid that takes part in the interface of that name.
+struct WetConfig
+{
+  std::string interface;
+  std::string surface;
+};
+
+/// The built-in box, or nothing if a mesh file is named.
+struct GeometryConfig
+{
+  std::string mesh_file; ///< Gmsh file, resolved; empty: the box
+  ElementType element = ElementType::quadrilateral4;
+  std::vector<double> origin, size; ///< of the box [m], dim numbers
+  std::vector<int> elements;        ///< along each axis of the box, dim numbers
+};
+
+struct SolidConfig
+{
+  int dim = 2;
+  GeometryConfig geometry;
+  MaterialConfig material;
+  std::vector<double> gravity;          ///< body force per mass [m/s²], dim numbers
+  std::vector<double> initial_velocity; ///< [m/s], dim numbers
+  std::vector<FixConfig> fix;
+  std::vector<VelocityConfig> velocity;
+  std::vector<TractionConfig> traction;
+  std::vector<WetConfig> wet;
+  double step_safety = 0.9; ///< fraction of the stable step that is offered
+};
+
+/// The mesh the configuration asks for: generated, or read.
+/// @throws InputError for an unreadable or invalid file, or a file without elements of dimension dim
+template <int dim>
+Mesh<dim> make_mesh(const SolidConfig& config);
+
+/// Element counts of a box of `size` with elements of about `element_size`: max(1, round(L / h)) along each
+/// axis.
+std::vector<int> element_counts(const std::vector<double>& size, double element_size);
+
+/// The numbers of a configured vector. @throws InputError if there are not dim of them (`key` names it);
+/// empty means zero
+template <int dim>
+Vec<dim> to_vec(const std::vector<double>& numbers, const std::string& key);
+
+} // namespace undine::solid
