@@ -69,6 +69,13 @@ GravouilCombescure::Start GravouilCombescure::activate(const std::array<Vector, 
   return start;
 }
 
+void GravouilCombescure::turn_operator(InterfaceOperator H)
+{
+  require(H.n_dofs(Side::fluid) == v_[Side::fluid].size() && H.n_dofs(Side::solid) == v_[Side::solid].size(),
+          "the same wet nodes");
+  H_ = std::move(H);
+}
+
 void GravouilCombescure::restore(const State& state)
 {
   for (const Side s : both_sides)

@@ -64,8 +64,10 @@ public:
   };
   Start activate(const std::array<Vector, 2>& v, const std::array<Vector, 2>& a_free);
 
-  /// Replace the operator (changed wet surface); must be followed by activate().
+  /// Replace the operator after a change of the wet nodes or their masses; must be followed by activate().
   void replace_operator(InterfaceOperator H);
+  /// Replace the operator after the same wet nodes have moved: normals turned, faces slid along each other. The state stays.
+  void turn_operator(InterfaceOperator H);
 
   /// One window. The partners are asked in the order of the scheme; the coarse side is served last.
   void advance(const WindowSteps& steps, Partner& fluid, Partner& solid);
@@ -79,6 +81,9 @@ public:
   };
   State state() const { return {v_, f_}; }
   void restore(const State& state);
+
+  /// ∫v dt of the wet nodes of a side since the wet nodes were last replaced [m].
+  const Vector& travel(Side side) const { return travel_[side]; }
 
   const InterfaceBalance& balance() const { return balance_; }
   InterfaceOperator& interface_operator() { return H_; }
