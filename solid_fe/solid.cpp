@@ -313,6 +313,13 @@ double Solid<dim>::time() const
 }
 
 template <int dim>
+void Solid<dim>::set_time(double t)
+{
+  t_origin_ = t;
+  steps_of_dt_ = 0;
+}
+
+template <int dim>
 index_t Solid<dim>::n_elements() const
 {
   index_t n = 0;

@@ -122,13 +122,15 @@ double step_load_error(ElementType type, int cells)
   return std::sqrt(error2 / norm2);
 }
 
-/// Error of a Gaussian displacement pulse in a free-free bar after it has passed an end, relative to its height.
+/// Error of a Gaussian displacement pulse in a free-free bar after it has passed an end, relative to its
+/// height.
 template <int dim>
 double pulse_error(ElementType type, int cells, int axis)
 {
   auto config = steel_bar(dim);
   if (dim == 2 && type == ElementType::triangle3)
-    config.fix = {{axis == 0 ? "bottom" : "left", {axis == 0 ? "y" : "x"}}, {axis == 0 ? "top" : "right", {axis == 0 ? "y" : "x"}}};
+    config.fix = {{axis == 0 ? "bottom" : "left", {axis == 0 ? "y" : "x"}},
+                  {axis == 0 ? "top" : "right", {axis == 0 ? "y" : "x"}}};
   Solid<dim> solid(config, bar_mesh<dim>(type, cells, axis));
   const double c = std::sqrt(210e9 / 7800.0), width = 0.1, height = 1e-6;
   const auto pulse = [=](double x) { return height * std::exp(-x * x / (width * width)); };
@@ -154,8 +156,9 @@ double pulse_error(ElementType type, int cells, int axis)
   return displacement_error<dim>(solid, axis, exact) / height;
 }
 
-/// Relative error of a clamped column between rollers, gravity switched on at t = 0, after `periods` of the first mode.
-/// u = u_s(y) + Σ B_n sin(k_n y) cos(c k_n t), u_s = −g/c² (L y − y²/2), k_n = (2n−1) π / 2L, B_n = 2 g / (L c² k_n³).
+/// Relative error of a clamped column between rollers, gravity switched on at t = 0, after `periods` of the
+/// first mode. u = u_s(y) + Σ B_n sin(k_n y) cos(c k_n t), u_s = −g/c² (L y − y²/2), k_n = (2n−1) π / 2L, B_n
+/// = 2 g / (L c² k_n³).
 template <int dim>
 double gravity_error(ElementType type, int cells, double periods)
 {
@@ -189,8 +192,8 @@ double gravity_error(ElementType type, int cells, double periods)
 
 } // namespace
 
-TEMPLATE_TEST_CASE_SIG("a bar under a step load follows the exact saw-tooth (S1)", "[solid][verification]", ((int dim), dim), 2,
-                       3)
+TEMPLATE_TEST_CASE_SIG("a bar under a step load follows the exact saw-tooth (S1)", "[solid][verification]",
+                       ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
   {
@@ -200,7 +203,8 @@ TEMPLATE_TEST_CASE_SIG("a bar under a step load follows the exact saw-tooth (S1)
   }
 }
 
-TEMPLATE_TEST_CASE_SIG("a smooth pulse converges with order 2", "[solid][verification]", ((int dim), dim), 2, 3)
+TEMPLATE_TEST_CASE_SIG("a smooth pulse converges with order 2", "[solid][verification]", ((int dim), dim), 2,
+                       3)
 {
   for (const auto type : element_types<dim>())
   {
@@ -212,14 +216,15 @@ TEMPLATE_TEST_CASE_SIG("a smooth pulse converges with order 2", "[solid][verific
   }
 }
 
-TEMPLATE_TEST_CASE_SIG("a column under gravity follows the modal series", "[solid][verification]", ((int dim), dim), 2, 3)
+TEMPLATE_TEST_CASE_SIG("a column under gravity follows the modal series", "[solid][verification]",
+                       ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
   {
     const double e20 = gravity_error<dim>(type, 20, 1.3), e40 = gravity_error<dim>(type, 40, 1.3),
                  e80 = gravity_error<dim>(type, 80, 1.3);
-    WARN(element_name(type) << ": gravity errors " << e20 << " " << e40 << " " << e80 << ", orders " << std::log2(e20 / e40)
-                            << " " << std::log2(e40 / e80));
+    WARN(element_name(type) << ": gravity errors " << e20 << " " << e40 << " " << e80 << ", orders "
+                            << std::log2(e20 / e40) << " " << std::log2(e40 / e80));
     CHECK(std::log2(e40 / e80) > 1.5);
   }
 }
