@@ -4,6 +4,7 @@
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
@@ -56,18 +57,22 @@ struct Mesh
   index_t n_nodes() const { return static_cast<index_t>(x.size()); }
 };
 
-/// All facets of `block` that belong to one element only, outward.
+/// All facets of the mesh that belong to one element only, outward, in the order of the elements.
 template <int dim>
 Surface boundary_of(const Mesh<dim>& mesh);
 
-/// Structured box [origin, origin + size] with `cells` elements along each axis.
-/// Types: triangle3, quadrilateral4 (dim = 2), tetrahedron4, hexahedron8 (dim = 3). Surfaces: left/right (x), bottom/top (y),
-/// and in 3-D back/front (z); y is the vertical in both dimensions.
+/// Structured box [origin, origin + size] [m] with `cells` elements along each axis.
+/// Types: triangle3, quadrilateral4 (dim = 2), tetrahedron4, hexahedron8 (dim = 3). Surfaces: left/right (x),
+/// bottom/top (y), and in 3-D back/front (z); y is the vertical in both dimensions.
 template <int dim>
-Mesh<dim> box_mesh(const Vec<dim>& origin, const Vec<dim>& size, const std::array<int, dim>& cells, ElementType type);
+Mesh<dim> box_mesh(const Vec<dim>& origin, const Vec<dim>& size,
+                   const std::array<int, static_cast<std::size_t>(dim)>& cells, ElementType type);
 
-/// Gmsh MSH 2.2 and 4.1, ASCII and binary: points, lines, triangles, quads, tets, hexes; physical groups become blocks
-/// (dimension dim), surfaces (dimension dim − 1) and node sets (below). Facet orientation is made outward.
+/// Gmsh MSH 2.2 and 4.1, ASCII and binary: points, lines, triangles, quads, tets, hexes; physical groups
+/// become blocks (dimension dim), surfaces (dimension dim − 1) and node sets (below). A group without a name
+/// is called by its number. Elements are turned to positive Jacobians and facets outward; a facet between two
+/// bodies points out of the first one. A physical group of dimension dim − 1 whose facets bound no element
+/// becomes a node set. Nodes of no element are dropped. In a plane mesh all third coordinates must be equal.
 /// @throws InputError (exit code 4) naming file, element number and physical group
 template <int dim>
 Mesh<dim> read_gmsh(const std::string& path);

@@ -1,0 +1,34 @@
+// Two bodies apart: "block" of tetrahedra, the unit cube, and "slab" of hexahedra, a sheared box of 0.5 m^3. Made with gmsh 4.8:
+//   for f in 22 41; do gmsh -3 space.geo -format msh$f -o space_$f.msh; gmsh -3 space.geo -format msh$f -bin -o space_${f}b.msh; done
+h = 0.6;
+Point(1) = {0, 0, 0, h};
+Point(2) = {1, 0, 0, h};
+Point(3) = {1, 1, 0, h};
+Point(4) = {0, 1, 0, h};
+Line(1) = {1, 2};
+Line(2) = {2, 3};
+Line(3) = {3, 4};
+Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4};
+Plane Surface(1) = {1};
+e[] = Extrude {0, 0, 1} { Surface{1}; };
+Point(101) = {2, 0, 0, h};
+Point(102) = {3, 0, 0, h};
+Point(103) = {3, 1, 0, h};
+Point(104) = {2, 1, 0, h};
+Line(101) = {101, 102};
+Line(102) = {102, 103};
+Line(103) = {103, 104};
+Line(104) = {104, 101};
+Curve Loop(101) = {101, 102, 103, 104};
+Plane Surface(101) = {101};
+Transfinite Curve {101, 102, 103, 104} = 3;
+Transfinite Surface {101};
+Recombine Surface {101};
+s[] = Extrude {0.2, 0.1, 0.5} { Surface{101}; Layers{2}; Recombine; };
+Physical Volume("block") = {e[1]};
+Physical Volume("slab") = {s[1]};
+Physical Surface("front") = {e[0]};
+Physical Surface("skin of the slab") = {101, s[0], s[2], s[3], s[4], s[5]};
+Physical Curve("edge") = {1};
+Physical Point("tip") = {103};
