@@ -29,7 +29,7 @@ double stable_step(const Body<dim>& body, std::span<const Vec<dim>> u)
                      highest =
                          std::max(highest, worst.full * block.gamma[e] + worst.volumetric * block.delta[e]);
                    }
-                   return highest / body.density;
+                   return highest;
                  });
   return 2.0 / std::sqrt(omega2);
 }

@@ -63,7 +63,8 @@ constexpr Mat<3, Real> embed_in_3d(const Mat<dim, Real>& H)
 inline std::pair<double, double> extreme_eigenvalues(const Mat<2>& A)
 {
   const double mean = 0.5 * trace(A);
-  const double radius = std::hypot(0.5 * (A(0, 0) - A(1, 1)), 0.5 * (A(0, 1) + A(1, 0)));
+  const double difference = 0.5 * (A(0, 0) - A(1, 1)), shear = 0.5 * (A(0, 1) + A(1, 0));
+  const double radius = std::sqrt(difference * difference + shear * shear); // std::hypot is ten times slower
   return {mean - radius, mean + radius};
 }
 

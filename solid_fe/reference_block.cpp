@@ -1,12 +1,9 @@
-// Reference geometry of element blocks and their geometric frequency bounds.
+// Reference geometry of element blocks.
 #include "solid_fe/reference_block.hpp"
 
 #include "common/error.hpp"
 
-#include <Eigen/Eigenvalues>
-
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 namespace undine::solid
@@ -41,30 +38,6 @@ std::vector<index_t> wet_first(const ElementBlock& elements, index_t n_wet)
                    ExitCode::bad_input_file);
 }
 
-/// γ and δ of one element (see ReferenceBlock) from its gradients, weights and row-sum volumes.
-template <class Element>
-std::pair<double, double> frequency_bounds(const Vec<Element::dim>* grad_N, const double* weight,
-                                           const std::array<double, Element::nodes>& volume)
-{
-  constexpr int n = Element::nodes;
-  Eigen::Matrix<double, n, n> stiffness = Eigen::Matrix<double, n, n>::Zero();
-  double divergence = 0.0; // Cauchy-Schwarz at each point: (M:H)² ≤ Σ_a |∇N_a|²/V_a · Σ_a V_a |u_a|²
-  for (int q = 0; q < Element::points; ++q)
-    for (int a = 0; a < n; ++a)
-    {
-      for (int b = 0; b < n; ++b)
-        stiffness(a, b) +=
-            weight[q] * dot(grad_N[q * n + a], grad_N[q * n + b]) /
-            std::sqrt(volume[static_cast<std::size_t>(a)] * volume[static_cast<std::size_t>(b)]);
-      divergence += weight[q] * norm_squared(grad_N[q * n + a]) / volume[static_cast<std::size_t>(a)];
-    }
-  const double gamma =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>>(stiffness, Eigen::EigenvaluesOnly)
-          .eigenvalues()[n - 1];
-  // (M:H)² ≤ |M|²_F |H|² ≤ dim |H|² is the other bound.
-  return {gamma, std::min(divergence, Element::dim * gamma)};
-}
-
 template <class Element>
 ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const ElementBlock& elements,
                                         index_t n_wet, index_t first_number, std::span<double> nodal_volume)
@@ -78,8 +51,6 @@ ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const El
   block.number.reserve(n);
   block.grad_N.reserve(n * static_cast<std::size_t>(ReferenceBlock<Element>::gradients_per_element));
   block.weight.reserve(n * static_cast<std::size_t>(Element::points));
-  block.gamma.reserve(n);
-  block.delta.reserve(n);
 
   for (const index_t e : order)
   {
@@ -106,11 +77,6 @@ ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const El
       }
       block.weight.push_back(weight);
     }
-    const auto [gamma, delta] = frequency_bounds<Element>(
-        &block.grad_N[block.grad_N.size() - ReferenceBlock<Element>::gradients_per_element],
-        &block.weight[block.weight.size() - Element::points], volume);
-    block.gamma.push_back(gamma);
-    block.delta.push_back(delta);
     block.nodes.push_back(nodes);
     block.number.push_back(first_number + e);
     for (std::size_t a = 0; a < nodes.size(); ++a)

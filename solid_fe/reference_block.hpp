@@ -29,11 +29,10 @@ struct ReferenceBlock
   std::vector<index_t> number;  ///< element number in the mesh file's order, for messages and output, size n
   std::vector<Vec<dim>> grad_N; ///< ∂N_a/∂X at the points, n × points × nodes [1/m]
   std::vector<double> weight;   ///< det(∂X/∂ξ) × quadrature weight, n × points [m^dim]
-  std::vector<double>
-      gamma; ///< largest λ of Σ_q w |∇u|² = λ Σ_a V_a |u_a|², V_a = row-sum volume of node a [1/m²]
-  std::vector<double> delta; ///< the same for Σ_q w (M_q : ∇u)² with |M_q| ≤ 1, an upper bound [1/m²]
-  index_t n_interface = 0;   ///< the first n_interface elements touch wet nodes
-  std::string body;          ///< physical group, "" if none
+  std::vector<double> gamma;    ///< see frequency_bounds.hpp, size n once computed
+  std::vector<double> delta;    ///< the same for a divergence
+  index_t n_interface = 0;      ///< the first n_interface elements touch wet nodes
+  std::string body;             ///< physical group, "" if none
 
   index_t size() const { return static_cast<index_t>(nodes.size()); }
   double volume() const; ///< [m^dim]

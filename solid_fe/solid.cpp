@@ -3,6 +3,7 @@
 
 #include "common/error.hpp"
 #include "solid_fe/critical_time_step.hpp"
+#include "solid_fe/frequency_bounds.hpp"
 
 #include <algorithm>
 #include <cassert>
@@ -41,6 +42,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     for (int i = 0; i < dim; ++i)
       nodes_.inverse_mass[k][i] = 1.0 / nodes_.m[k];
   }
+  bound_frequencies<dim>(bodies_, nodes_.m);
   for (const auto& [node, prescribed] : motion)
     for (int i = 0; i < dim; ++i)
       if (prescribed.fixed[static_cast<std::size_t>(i)])
@@ -310,6 +312,13 @@ template <int dim>
 double Solid<dim>::time() const
 {
   return t_origin_ + static_cast<double>(steps_of_dt_) * dt_;
+}
+
+template <int dim>
+void Solid<dim>::set_time(double t)
+{
+  t_origin_ = t;
+  steps_of_dt_ = 0;
 }
 
 template <int dim>

@@ -83,6 +83,8 @@ public:
       const; ///< Σ (M a − F_ext + F_int − f_link): force of the supports on `nodes` [N]
 
   double time() const; ///< [s]
+  /// Set the clock, which ramps and messages read; nothing else changes.
+  void set_time(double t);
   std::int64_t steps() const { return step_; }
   const SolidNodes<dim>& nodes() const { return nodes_; }
   const std::vector<Body<dim>>& bodies() const { return bodies_; }

@@ -1,0 +1,279 @@
+// The loops that read like the method: predict, free motion, link, correct.
+#include "solid_fe/run.hpp"
+
+#include "common/error.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+namespace undine::solid
+{
+
+namespace
+{
+
+double seconds_now()
+{
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Steps between two looks at the stable step of a run on its own; the safety factor covers what a wave can
+/// change meanwhile.
+constexpr std::int64_t steps_between_checks = 10;
+
+/// Writes rows when they are due and keeps the largest imbalance.
+template <int dim>
+class Ledger
+{
+public:
+  Ledger(const Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output)
+      : output_(output), interval_(times.history_interval), balance_at_start_(solid.energies().balance())
+  {
+    write(solid);
+  }
+
+  /// A row if one is due at the solid's time; `at_least` writes it in any case.
+  void record(const Solid<dim>& solid, double dt, bool at_least = false)
+  {
+    if (!at_least && solid.time() + 0.5 * dt < next_)
+      return;
+    write(solid);
+  }
+  double drift() const { return scale_ > 0.0 ? imbalance_ / scale_ : 0.0; }
+
+private:
+  void write(const Solid<dim>& solid)
+  {
+    const auto e = solid.energies();
+    imbalance_ = std::max(imbalance_, std::abs(e.balance() - balance_at_start_));
+    scale_ = std::max({scale_, e.kinetic, e.strain, std::abs(e.external), std::abs(e.interface)});
+    if (output_ != nullptr)
+      output_->write_history(solid);
+    ++rows_;
+    next_ = interval_ > 0.0 ? interval_ * (std::floor(solid.time() / interval_ + 0.5) + 1.0) : 0.0;
+  }
+
+  SolidOutput<dim>* output_;
+  double interval_, balance_at_start_;
+  double next_ = 0.0, imbalance_ = 0.0, scale_ = 0.0;
+  std::int64_t rows_ = 0;
+};
+
+/// Frame times of a run on its own: multiples of the interval, and the end.
+std::vector<double> frame_times(double t_begin, const RunTimes& times)
+{
+  std::vector<double> due;
+  if (times.frame_interval > 0.0)
+    for (std::int64_t k = 1;; ++k)
+    {
+      const double t = t_begin + static_cast<double>(k) * times.frame_interval;
+      if (t > times.t_end - 0.01 * times.frame_interval)
+        break;
+      due.push_back(t);
+    }
+  due.push_back(times.t_end);
+  return due;
+}
+
+link::Report report_of(const Energies& e, double stable_dt, double mass, std::int64_t steps)
+{
+  link::Report report;
+  report.stable_dt = stable_dt;
+  report.kinetic_energy = e.kinetic;
+  report.internal_energy = e.strain;
+  report.external_work = e.external;
+  report.interface_work = e.interface;
+  report.mass = mass;
+  report.steps = steps;
+  return report;
+}
+
+/// The interfaces the coupler wants must be exactly those the solid serves.
+void require_same_interfaces(const link::Setup& setup, const link::SurfaceMesh& surface)
+{
+  if (setup.dim != surface.dim)
+    throw InputError("coupling: the coupler works in " + std::to_string(setup.dim) + "-D, the solid in " +
+                         std::to_string(surface.dim) + "-D",
+                     ExitCode::different_case);
+  for (const auto& name : setup.interfaces)
+    if (std::find(surface.interfaces.begin(), surface.interfaces.end(), name) == surface.interfaces.end())
+      throw InputError("interface \"" + name +
+                       "\": the solid has no surface for it; set solid = \"<surface>\" in its "
+                       "[[interface]] table");
+}
+
+} // namespace
+
+double next_step(double dt, double limit)
+{
+  if (limit < dt)
+    return limit;
+  return limit > 1.1 * dt ? 1.02 * dt : dt;
+}
+
+template <int dim>
+RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output,
+                    const Progress& progress)
+{
+  RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
+  const double started = seconds_now();
+  const double mass = solid.mass();
+  Ledger<dim> ledger(solid, times, output);
+  if (output != nullptr)
+    output->write_frame(solid);
+
+  double dt_wanted = solid.critical_time_step();
+  bool go_on = true;
+  for (const double t_due : frame_times(solid.time(), times))
+  {
+    dt_wanted = next_step(dt_wanted, solid.critical_time_step());
+    std::int64_t steps_left = 0;
+    double dt = 0.0;
+    const auto divide = [&] // the way to the next frame into equal steps
+    {
+      steps_left = std::max<std::int64_t>(
+          1, std::llround(std::ceil((t_due - solid.time()) / dt_wanted * (1.0 - 1e-12))));
+      dt = (t_due - solid.time()) / static_cast<double>(steps_left);
+      result.smallest_step = std::min(result.smallest_step, dt);
+    };
+    for (divide(); go_on && steps_left > 0; --steps_left)
+    {
+      if (solid.steps() % steps_between_checks == 0)
+        if (const double limit = solid.critical_time_step(); limit < dt)
+        {
+          dt_wanted = limit;
+          divide();
+        }
+      solid.predict(dt);           // v ← v + Δt/2 a,  u ← u + Δt v
+      solid.solve_free_motion(dt); // M a = F_ext − F_int(u),  v ← v + Δt/2 a
+      ledger.record(solid, dt, steps_left == 1 && t_due == times.t_end);
+      go_on = !progress || progress(solid.time(), solid.steps(), dt);
+    }
+    if (output != nullptr)
+      output->write_frame(solid);
+    if (!go_on)
+      break;
+  }
+  result.t_end = solid.time();
+  result.steps = solid.steps();
+  result.compute_seconds = seconds_now() - started;
+  result.mass_drift = solid.mass() / mass - 1.0;
+  result.energy_drift = ledger.drift();
+  result.completed = go_on;
+  return result;
+}
+
+template <int dim>
+RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
+                      SolidOutput<dim>* output, const Progress& progress)
+{
+  RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
+  const auto setup = link.receive_setup();
+  const auto surface = solid.wet_surface();
+  require_same_interfaces(setup, surface);
+  link.send_mesh(surface);
+
+  const double started = seconds_now(), waited = link.wait_seconds();
+  const double mass = solid.mass();
+  solid.set_time(setup.t_begin);
+  Ledger<dim> ledger(solid, times, output);
+  if (output != nullptr)
+    output->write_frame(solid);
+  std::vector<double> f_link(solid.interface_velocity().size());
+  bool stop_asked = false;
+
+  while (true)
+  {
+    auto report = report_of(solid.energies(), solid.critical_time_step(), solid.mass(), solid.steps());
+    report.wait_seconds = link.wait_seconds() - waited;
+    report.compute_seconds = seconds_now() - started - report.wait_seconds;
+    link.send_report(report);
+    const auto window = link.next_window();
+    if (!window)
+      break;
+
+    solid.set_time(window->t_begin);
+    if (window->activate)
+    {
+      link.send_kinematics(solid.interface_kinematics());
+      solid.apply_activation(link.receive_activation());
+    }
+    const double dt = window->dt();
+    result.smallest_step = std::min(result.smallest_step, dt);
+    for (std::int64_t j = 1; j <= window->steps; ++j)
+    {
+      const bool exchange = window->fine || j == window->steps;
+      solid.predict(dt); // v ← v + Δt/2 a,  u ← u + Δt v
+      solid.solve_free_motion_of_interface(
+          dt); // M a = F_ext − F_int(u),  v_free = v + Δt/2 a on the wet nodes
+      if (exchange)
+        link.send_free_velocity(solid.interface_velocity());
+      solid.solve_free_motion_of_interior(dt); // the same for the rest, while the message travels
+      if (exchange)
+      {
+        link.receive_link_force(f_link);
+        solid.correct_with_link(f_link, dt); // a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f
+      }
+    }
+    ++result.windows;
+    ledger.record(solid, window->t_end - window->t_begin, window->last);
+    if (output != nullptr && (window->output || window->last))
+      output->write_frame(solid);
+    if (progress && !stop_asked && !progress(solid.time(), solid.steps(), dt))
+    {
+      link.send_stop_request("the solid was asked to stop");
+      stop_asked = true;
+    }
+  }
+  result.t_end = solid.time();
+  result.steps = solid.steps();
+  result.wait_seconds = link.wait_seconds() - waited;
+  result.compute_seconds = seconds_now() - started - result.wait_seconds;
+  result.mass_drift = solid.mass() / mass - 1.0;
+  result.energy_drift = ledger.drift();
+  result.completed = !stop_asked;
+  return result;
+}
+
+template <int dim>
+Summary summarise(const Solid<dim>& solid, const RunResult& result)
+{
+  Summary summary;
+  const auto e = solid.energies();
+  summary.set("t_end", result.t_end);
+  summary.set("steps", static_cast<long long>(result.steps));
+  summary.set("windows", static_cast<long long>(result.windows));
+  summary.set("wall_s", result.compute_seconds + result.wait_seconds);
+  summary.set("compute_s", result.compute_seconds);
+  summary.set("wait_s", result.wait_seconds);
+  summary.set("ns_per_node_step",
+              1e9 * result.compute_seconds /
+                  (static_cast<double>(result.steps) * static_cast<double>(solid.nodes().size())));
+  summary.set("nodes", static_cast<long long>(solid.nodes().size()));
+  summary.set("elements", static_cast<long long>(solid.n_elements()));
+  summary.set("smallest_step", result.smallest_step);
+  summary.set("mass", solid.mass());
+  summary.set("mass_drift", result.mass_drift);
+  summary.set("energy_drift", result.energy_drift);
+  summary.set("energy_drift_definition", std::string("largest |balance - start| over the largest energy or "
+                                                     "work, balance = kinetic + strain - external - "
+                                                     "interface, at history times"));
+  summary.set("kinetic_energy", e.kinetic);
+  summary.set("strain_energy", e.strain);
+  summary.set("external_work", e.external);
+  summary.set("interface_work", e.interface);
+  return summary;
+}
+
+template RunResult run_alone(Solid<2>&, const RunTimes&, SolidOutput<2>*, const Progress&);
+template RunResult run_alone(Solid<3>&, const RunTimes&, SolidOutput<3>*, const Progress&);
+template RunResult run_coupled(Solid<2>&, link::SolverLink&, const RunTimes&, SolidOutput<2>*,
+                               const Progress&);
+template RunResult run_coupled(Solid<3>&, link::SolverLink&, const RunTimes&, SolidOutput<3>*,
+                               const Progress&);
+template Summary summarise(const Solid<2>&, const RunResult&);
+template Summary summarise(const Solid<3>&, const RunResult&);
+
+} // namespace undine::solid
