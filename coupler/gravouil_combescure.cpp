@@ -32,6 +32,7 @@ GravouilCombescure::GravouilCombescure(InterfaceOperator H, int dim) : dim_(dim)
 
 void GravouilCombescure::replace_operator(InterfaceOperator H)
 {
+  factorisations_ += H_.factorisations();
   H_ = std::move(H);
   lambda_ = Vector::Zero(H_.n_multipliers());
   for (const Side s : both_sides)
@@ -73,6 +74,7 @@ void GravouilCombescure::turn_operator(InterfaceOperator H)
 {
   require(H.n_dofs(Side::fluid) == v_[Side::fluid].size() && H.n_dofs(Side::solid) == v_[Side::solid].size(),
           "the same wet nodes");
+  factorisations_ += H_.factorisations();
   H_ = std::move(H);
 }
 

@@ -86,7 +86,7 @@ public:
   const Vector& travel(Side side) const { return travel_[side]; }
 
   const InterfaceBalance& balance() const { return balance_; }
-  InterfaceOperator& interface_operator() { return H_; }
+  std::int64_t factorisations() const { return factorisations_ + H_.factorisations(); }
   const Vector& lambda() const { return lambda_; }
 
 private:
@@ -101,6 +101,7 @@ private:
   std::array<Vector, 2> travel_; ///< ∫ v dt since the start
   std::array<Vector, 2> impulse_;
   InterfaceBalance balance_;
+  std::int64_t factorisations_ = 0; ///< of operators that were replaced
 };
 
 } // namespace undine::coupler
