@@ -1,7 +1,8 @@
 // The case file: typed, documented access to one TOML text that all programs share.
 //
-// Every key is described where it is read (name, unit, meaning, default, rule); docs/case-file.md is generated from those
-// descriptions. Errors carry file, line, caret, rule and, for misspelt names, the nearest known one.
+// Every key is described where it is read (name, unit, meaning, default, rule); docs/case-file.md is
+// generated from those descriptions. Errors carry file, line, caret, rule and, for misspelt names, the
+// nearest known one.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +35,7 @@ Rule any_number();
 Rule positive();
 Rule non_negative();
 Rule at_least(double lower);
-Rule between(double lower, double upper);        ///< closed interval
+Rule between(double lower, double upper);          ///< closed interval
 Rule strictly_between(double lower, double upper); ///< open interval
 
 class CaseDocument; // the parsed text; toml11 stays behind case_file.cpp
@@ -44,35 +45,38 @@ class CaseDocument; // the parsed text; toml11 stays behind case_file.cpp
 class CaseTable
 {
 public:
-  bool present() const;                    ///< the table is written in the case
-  bool has(std::string_view name) const;   ///< the key is written in the case (does not mark it as known)
-  const std::string& path() const;         ///< e.g. "fluid" or "interface[0]"
+  bool present() const;                  ///< the table is written in the case
+  bool has(std::string_view name) const; ///< the key is written in the case (does not mark it as known)
+  const std::string& path() const;       ///< e.g. "fluid" or "interface[0]"
 
-  double number(const Key&, const Rule&) const;                        ///< required
+  double number(const Key&, const Rule&) const; ///< required
   double number(const Key&, double default_value, const Rule&) const;
   std::optional<double> optional_number(const Key&, const Rule&) const;
-  std::int64_t integer(const Key&, const Rule&) const;                 ///< required
+  std::int64_t integer(const Key&, const Rule&) const; ///< required
   std::int64_t integer(const Key&, std::int64_t default_value, const Rule&) const;
   std::optional<std::int64_t> optional_integer(const Key&, const Rule&) const;
   bool boolean(const Key&, bool default_value) const;
-  std::string text(const Key&) const;                                  ///< required
+  std::string text(const Key&) const; ///< required
   std::string text(const Key&, std::string_view default_value) const;
   std::optional<std::string> optional_text(const Key&) const;
   /// One of `choices`; an unknown word is an error that lists them and names the nearest.
   std::string choice(const Key&, const std::vector<std::string>& choices) const; ///< required
-  std::string choice(const Key&, std::string_view default_value, const std::vector<std::string>& choices) const;
+  std::string choice(const Key&, std::string_view default_value,
+                     const std::vector<std::string>& choices) const;
   /// A list of numbers; `size` > 0 demands that many.
-  std::vector<double> numbers(const Key&, std::size_t size, const Rule&) const;  ///< required
+  std::vector<double> numbers(const Key&, std::size_t size, const Rule&) const; ///< required
   std::vector<double> numbers(const Key&, std::size_t size, const std::vector<double>& default_value,
                               const Rule&) const;
   std::vector<std::string> texts(const Key&, const std::vector<std::string>& default_value) const;
-  /// A key that may be a number or a text, such as substeps = "auto" | 20: the text form, or nothing if it is a number.
+  /// A key that may be a number or a text, such as substeps = "auto" | 20: the text form, or nothing if it is
+  /// a number.
   bool is_text(std::string_view name) const;
 
-  CaseTable table(std::string_view name, std::string_view meaning) const;                ///< sub-table, perhaps absent
-  std::vector<CaseTable> tables(std::string_view name, std::string_view meaning) const;  ///< array of tables
+  CaseTable table(std::string_view name, std::string_view meaning) const; ///< sub-table, perhaps absent
+  std::vector<CaseTable> tables(std::string_view name, std::string_view meaning) const; ///< array of tables
 
-  /// Throw an InputError that points at `name` (or at the table if `name` is absent): "<path>.<name> = <value>: <text>".
+  /// Throw an InputError that points at `name` (or at the table if `name` is absent): "<path>.<name> =
+  /// <value>: <text>".
   [[noreturn]] void fail(std::string_view name, const std::string& text) const;
 
 private:
@@ -87,21 +91,26 @@ private:
 class CaseFile
 {
 public:
-  /// Read and parse `path`; apply `overrides`, each "table.key=VALUE" with a TOML value (a bare word is taken as text).
-  /// @throws InputError (exit code 4 if the file cannot be read, 2 if it does not parse or an override is malformed)
+  /// Read and parse `path`; apply `overrides`, each "table.key=VALUE" with a TOML value (a bare word is taken
+  /// as text).
+  /// @throws InputError (exit code 4 if the file cannot be read, 2 if it does not parse or an override is
+  /// malformed)
   static CaseFile read(const std::string& path, const std::vector<std::string>& overrides = {});
   /// The same from a text; `path` is only used in messages and to resolve relative files.
-  static CaseFile parse(const std::string& text, const std::string& path, const std::vector<std::string>& overrides = {});
+  static CaseFile parse(const std::string& text, const std::string& path,
+                        const std::vector<std::string>& overrides = {});
 
   CaseTable table(std::string_view name, std::string_view meaning) const;
   std::vector<CaseTable> tables(std::string_view name, std::string_view meaning) const;
   bool has_table(std::string_view name) const;
 
-  /// Reject every key that nobody has read in the tables `read_here` (and their sub-tables), and every top-level table
-  /// that is none of Undine's (run fluid solid coupling interface probe output checkpoint reference).
+  /// Reject every key that nobody has read in the tables `read_here` (and their sub-tables), and every
+  /// top-level table that is none of Undine's (run fluid solid coupling interface probe output checkpoint
+  /// reference).
   void reject_unknown_keys(const std::vector<std::string>& read_here) const;
 
-  /// Order-independent of nothing: FNV-1a of the text and the overrides, compared by the programs in their HELLO. Never 0.
+  /// Order-independent of nothing: FNV-1a of the text and the overrides, compared by the programs in their
+  /// HELLO. Never 0.
   std::uint64_t hash() const;
   const std::string& path() const;
   /// `file` relative to the folder of the case, unless absolute.
@@ -115,7 +124,8 @@ private:
   std::shared_ptr<CaseDocument> document_;
 };
 
-/// The entry of `known` with the smallest edit distance to `word`, or "" if none is near (distance > max(2, length/3)).
+/// The entry of `known` with the smallest edit distance to `word`, or "" if none is near (distance > max(2,
+/// length/3)).
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 } // namespace undine

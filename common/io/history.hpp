@@ -10,7 +10,8 @@
 namespace undine
 {
 
-/// `<out>/history/<name>.csv`: lines "# name: …", "# definition: …", then "t[s],column[unit],…", then rows with 17 significant digits.
+/// `<out>/history/<name>.csv`: lines "# name: …", "# definition: …", then "t[s],column[unit],…", then rows
+/// with 17 significant digits.
 class History
 {
 public:

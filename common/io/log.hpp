@@ -9,7 +9,9 @@
 namespace undine
 {
 
-/// Log to `<out_dir>/<role>.log`, and to stderr too if `on_terminal`. Every record: wall time, role, level, text.
-std::shared_ptr<spdlog::logger> make_log(const std::string& out_dir, const std::string& role, bool on_terminal);
+/// Log to `<out_dir>/<role>.log`, and to stderr too if `on_terminal`. Every record: wall time, role, level,
+/// text.
+std::shared_ptr<spdlog::logger> make_log(const std::string& out_dir, const std::string& role,
+                                         bool on_terminal);
 
 } // namespace undine

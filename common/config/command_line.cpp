@@ -1,0 +1,78 @@
+// The command line that the three programs share, read with CLI11.
+#include "common/config/command_line.hpp"
+
+#include "common/error.hpp"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+namespace undine
+{
+
+namespace
+{
+
+std::string default_out_dir(const std::string& case_path)
+{
+  const auto folder =
+      std::filesystem::absolute(case_path).lexically_normal().parent_path().filename().string();
+  return "runs/" + (folder.empty() ? "case" : folder);
+}
+
+} // namespace
+
+CommandLine parse_command_line(std::string_view role, int argc, const char* const* argv)
+{
+  CommandLine line;
+  std::optional<double> until;
+  bool version = false;
+  CLI::App app("Undine: explicit fluid-structure interaction. Programs: coupler, fluid_pfem, solid_fe.",
+               std::string(role));
+  app.add_option("case", line.case_path, "case.toml, or the folder that holds it");
+  app.add_option("--out", line.out_dir, "output folder (default: runs/<case folder>)");
+  app.add_option("--set", line.overrides, "table.key=value: replace a value of the case; repeatable")
+      ->allow_extra_args(false);
+  app.add_option("--until", until, "end at this time [s] instead of run.t_end");
+  app.add_flag("--check", line.check_only, "read and check everything, do not run");
+  app.add_flag("--verbose", line.verbose, "log more");
+  app.add_flag("--document-keys", line.document_keys, "print the keys of the case file as Markdown");
+  app.add_flag("--version", version, "print the version");
+  try
+  {
+    app.parse(argc, argv);
+  }
+  catch (const CLI::CallForHelp&)
+  {
+    line.answer = app.help();
+    return line;
+  }
+  catch (const CLI::ParseError& error)
+  {
+    throw InputError(fmt::format("command line: {} (see {} --help)", error.what(), role));
+  }
+  if (version)
+  {
+    line.answer = fmt::format("{} {}\n", role, UNDINE_VERSION);
+    return line;
+  }
+  if (line.case_path.empty() && !line.document_keys)
+    throw InputError(
+        fmt::format("command line: the case is missing: {} case.toml (see {} --help)", role, role));
+  if (std::filesystem::is_directory(line.case_path))
+    line.case_path = (std::filesystem::path(line.case_path) / "case.toml").string();
+  if (line.out_dir.empty() && !line.case_path.empty())
+    line.out_dir = default_out_dir(line.case_path);
+  if (until)
+  {
+    if (!std::isfinite(*until) || *until <= 0.0)
+      throw InputError(fmt::format("command line: --until {}: must be positive (end time, s)", *until));
+    line.overrides.push_back(fmt::format("run.t_end={}", *until));
+  }
+  return line;
+}
+
+} // namespace undine

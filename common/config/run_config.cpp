@@ -1,0 +1,78 @@
+// Reads the tables [run], [output] and [[probe]].
+#include "common/config/run_config.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+namespace undine
+{
+
+RunConfig read_run_config(const CaseFile& file)
+{
+  const CaseTable run = file.table("run", "What is run, for how long, and how finely.");
+  RunConfig config;
+  // The folder of a case names it, so that a file need not repeat it.
+  const std::string folder =
+      (std::filesystem::current_path() / file.path()).parent_path().filename().string();
+  config.name =
+      run.optional_text({"name", "", "name of the case; that of its folder if absent"}).value_or(folder);
+  config.dim = static_cast<int>(run.integer({"dimension", "", "2 (plane strain) or 3"}, 2, between(2, 3)));
+  config.t_end = run.number({"t_end", "s", "the run goes from t = 0 to this time"}, positive());
+  config.resolution = run.number(
+      {"resolution", "", "elements over the characteristic length; refines all parts together"}, positive());
+  config.characteristic_length = run.number(
+      {"characteristic_length", "m", "length that the resolution counts elements over"}, positive());
+  config.preset =
+      run.choice({"preset", "", "defaults of the fluid for free-surface flow or for violent impact"},
+                 "hydraulic", {"hydraulic", "impact"});
+  return config;
+}
+
+OutputConfig read_output_config(const CaseFile& file, const std::string& out_dir)
+{
+  const CaseTable output = file.table("output", "What is written, and how often.");
+  OutputConfig config;
+  config.dir = out_dir;
+  config.frame_interval = output.number(
+      {"every", "s", "time between field frames; 0 writes the first and the last only"}, 0.0, non_negative());
+  config.history_interval =
+      output.number({"history_every", "s", "time between rows of histories; 0 writes every window or step"},
+                    0.0, non_negative());
+  config.frames = output.boolean({"frames", "", "write field frames"}, true);
+  return config;
+}
+
+std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
+{
+  std::vector<ProbeConfig> probes;
+  for (const CaseTable& table : file.tables("probe", "A history at a point or over a named surface."))
+  {
+    ProbeConfig probe;
+    probe.name = table.text({"name", "", "name of the file history/<name>.csv"});
+    probe.on = table.choice({"on", "", "side that is measured"}, {"fluid", "solid"});
+    probe.surface = table.text({"surface", "", "named surface over which the mean is taken"}, "");
+    probe.point = table.numbers(
+        {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
+        table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
+    const Key quantity{"quantity", "", "what is measured, such as \"u\" or [\"p\", \"v\"]"};
+    if (table.is_text(quantity.name))
+      probe.fields = {table.text(quantity)};
+    else
+      probe.fields = table.texts(quantity, {});
+
+    if (probe.name.empty() || probe.name.find('/') != std::string::npos)
+      table.fail("name", "must be a file name without '/'");
+    if (std::any_of(probes.begin(), probes.end(),
+                    [&](const ProbeConfig& other) { return other.name == probe.name; }))
+      table.fail("name", "another probe has this name");
+    if (probe.point.empty() == probe.surface.empty())
+      table.fail("", probe.point.empty() ? "a probe needs a 'point' or a 'surface'"
+                                         : "a probe has a 'point' or a 'surface', not both");
+    if (probe.fields.empty())
+      table.fail("quantity", "a probe needs a 'quantity', such as \"u\" or [\"p\", \"v\"]");
+    probes.push_back(std::move(probe));
+  }
+  return probes;
+}
+
+} // namespace undine

@@ -1,0 +1,55 @@
+// What all programs read from a case: the run, its output and its probes.
+#pragma once
+
+#include "common/config/case_file.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace undine
+{
+
+/// Table [run].
+struct RunConfig
+{
+  std::string name;                   ///< of the case
+  int dim = 2;                        ///< 2 (plane strain) or 3
+  double t_begin = 0.0;               ///< [s]
+  double t_end = 0.0;                 ///< [s]
+  double resolution = 1.0;            ///< elements over the characteristic length
+  double characteristic_length = 1.0; ///< [m]
+  std::string preset = "hydraulic";   ///< or "impact": set of defaults for the fluid
+
+  /// Length of an element that the resolution asks for [m].
+  double element_size() const { return characteristic_length / resolution; }
+};
+
+/// Table [output].
+struct OutputConfig
+{
+  std::string dir;               ///< output folder, from the command line
+  double frame_interval = 0.0;   ///< time between field frames [s]; 0: the first and the last only
+  double history_interval = 0.0; ///< time between rows of a history [s]; 0: every window or step
+  bool frames = true;            ///< write field frames at all
+};
+
+/// An entry of [[probe]]: a history at a point, or the mean over a named surface.
+struct ProbeConfig
+{
+  std::string name;                ///< of the CSV file
+  std::string on;                  ///< "fluid" or "solid"
+  std::vector<double> point;       ///< dim coordinates [m]; empty if the probe is on a surface
+  std::string surface;             ///< name of a surface; empty if the probe is at a point
+  std::vector<std::string> fields; ///< e.g. {"u", "v"} or {"p"}
+
+  bool at_point() const { return !point.empty(); }
+};
+
+/// @throws InputError with place, value and rule
+RunConfig read_run_config(const CaseFile& file);
+OutputConfig read_output_config(const CaseFile& file, const std::string& out_dir);
+/// All probes, of both sides. `dim` is the number of coordinates of a point.
+std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim);
+
+} // namespace undine
