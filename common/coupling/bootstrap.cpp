@@ -618,4 +618,12 @@ void abort_world(int code, const std::string& role, const std::string& text, con
   std::_Exit(code);
 }
 
+void report_failure(int code, const std::string& role, const std::string& text, const std::string& out_dir)
+{
+  watchdog().disarm();
+  print("error: " + text + "\n");
+  if (!out_dir.empty())
+    write_failed(out_dir, code, role, rank_from_launcher(), text);
+}
+
 } // namespace undine::link

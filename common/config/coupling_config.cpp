@@ -1,0 +1,57 @@
+// Reader of [coupling] and [[interface]].
+#include "common/config/coupling_config.hpp"
+
+namespace undine
+{
+
+CouplingConfig read_coupling(const CaseFile& file)
+{
+  CouplingConfig config;
+  config.present = file.has_table("coupling") || file.has_table("interface");
+  for (const CaseTable& t :
+       file.tables("interface", "A pair of surfaces through which fluid and solid act on each other."))
+  {
+    InterfaceConfig i;
+    i.name = t.text({"name", "", "name of the interface in messages and histories"});
+    i.fluid = t.text({"fluid", "", "name of the fluid's surface"});
+    i.solid = t.text({"solid", "", "name of the solid's surface"});
+    i.kind = t.choice({"kind", "", "slip: only the normal velocity is continuous; no_slip: all of it"},
+                      "slip", {"slip", "no_slip"});
+    i.separation =
+        t.boolean({"separation", "", "the fluid may leave the solid where the interface pulls"}, false);
+    if (i.separation)
+      t.fail("separation", "this release keeps the wet surface for the whole run; write separation = false");
+    i.multiplier = t.choice({"multiplier", "", "the side that carries the Lagrange multipliers"}, "finer",
+                            {"finer", "fluid", "solid"});
+    config.interfaces.push_back(i);
+  }
+  const CaseTable t = file.table("coupling", "How the coupler runs.");
+  config.scheme = t.choice({"scheme", "", "coupling scheme: Gravouil-Combescure"}, "gc", {"gc"});
+  config.fine =
+      t.choice({"fine", "", "the side with the smaller steps; auto: whichever has the smaller stable step"},
+               "auto", {"auto", "fluid", "solid"});
+  if (!t.is_text("substeps"))
+    config.substeps = t.optional_integer(
+        {"substeps", "", "fine steps per window; \"auto\": as many as the stable steps ask for"},
+        at_least(1));
+  else
+    t.choice({"substeps", "", "fine steps per window; \"auto\": as many as the stable steps ask for"}, "auto",
+             {"auto"});
+  config.substeps_max = t.integer({"substeps_max", "", "most fine steps per window"}, 300, at_least(1));
+  config.dt_max = t.number({"dt_max", "s", "longest window; 0: no limit"}, 0.0, non_negative());
+  config.search_distance = t.number(
+      {"search_distance", "m", "surfaces further apart do not meet; 0: half a face"}, 0.0, non_negative());
+  config.energy_limit =
+      t.number({"energy_limit", "",
+                "largest interface energy that nothing explains, over the work done, before the run stops"},
+               0.05, positive());
+  config.hello_timeout =
+      t.number({"hello_timeout", "s", "every program must have spoken by then"}, 60.0, positive());
+  config.stall_timeout = t.number(
+      {"stall_timeout", "s", "a program may be silent for that long; 0: for ever"}, 300.0, non_negative());
+  if (config.present && config.interfaces.empty())
+    t.fail("", "a coupled case needs at least one [[interface]] with name, fluid and solid");
+  return config;
+}
+
+} // namespace undine

@@ -1,0 +1,42 @@
+// [[interface]] and [coupling]: what all three programs must know about the coupling.
+#pragma once
+
+#include "common/config/case_file.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace undine
+{
+
+struct InterfaceConfig
+{
+  std::string name;
+  std::string fluid;      ///< name of the fluid's surface
+  std::string solid;      ///< name of the solid's surface
+  std::string kind;       ///< "slip" | "no_slip"
+  bool separation;        ///< the fluid may leave the solid
+  std::string multiplier; ///< "finer" | "fluid" | "solid"
+};
+
+struct CouplingConfig
+{
+  bool present = false; ///< the case couples: a [coupling] table or an [[interface]] is written
+  std::vector<InterfaceConfig> interfaces;
+  std::string scheme = "gc";
+  std::string fine = "auto";            ///< "auto" | "fluid" | "solid"
+  std::optional<std::int64_t> substeps; ///< nothing: "auto"
+  std::int64_t substeps_max = 300;
+  double dt_max = 0.0;          ///< [s], 0 = no limit
+  double search_distance = 0.0; ///< [m], 0 = automatic
+  double energy_limit = 0.05;   ///< unexplained interface energy over the work done
+  double hello_timeout = 60.0;  ///< [s]
+  double stall_timeout = 300.0; ///< [s], 0 = off
+};
+
+/// Read [coupling] and [[interface]]. @throws InputError
+CouplingConfig read_coupling(const CaseFile&);
+
+} // namespace undine

@@ -1,0 +1,105 @@
+// Start and end of a program.
+#include "common/program/program.hpp"
+
+#include "common/error.hpp"
+
+#include <mpi.h>
+
+#include <cstdio>
+
+namespace undine
+{
+
+namespace
+{
+
+int world_size()
+{
+  int size = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  return size;
+}
+
+int world_rank()
+{
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  return rank;
+}
+
+/// Ends all programs of the line, or only this one if it is alone.
+int end_with(int code, const std::string& role, const std::string& text, const std::string& out_dir)
+{
+  if (world_size() > 1)
+    link::abort_world(code, role, text, out_dir);
+  link::report_failure(code, role, text, out_dir);
+  MPI_Finalize();
+  return code;
+}
+
+} // namespace
+
+link::World Launch::meet(const std::vector<std::string>& partners) const
+{
+  link::World world = link::World::connect({.role = role,
+                                            .solver = "undine " + role + " " UNDINE_VERSION,
+                                            .dim = run.dim,
+                                            .case_hash = file.hash(),
+                                            .partners = partners},
+                                           {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
+  int ranks = 1;
+  MPI_Comm_size(world.comm(), &ranks);
+  if (ranks > 1)
+    throw InputError("the program '" + role + "' was started on " + std::to_string(ranks) +
+                     " ranks; this release runs each program on one");
+  return world;
+}
+
+int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body)
+{
+  link::arm_start_timer(role);
+  int provided = 0;
+  MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
+
+  std::string out_dir;
+  try
+  {
+    CommandLine line = parse_command_line(role, argc, argv);
+    if (!line.answer.empty())
+    {
+      if (world_rank() == 0)
+        std::fputs(line.answer.c_str(), stdout);
+      MPI_Finalize();
+      return 0;
+    }
+    if (!line.check_only && !line.document_keys)
+      out_dir = line.out_dir;
+    CaseFile file = CaseFile::read(line.case_path, line.overrides);
+    const RunConfig run = read_run_config(file);
+    Launch launch{.role = role,
+                  .line = line,
+                  .file = file,
+                  .run = run,
+                  .output = read_output_config(file, line.out_dir),
+                  .coupling = read_coupling(file),
+                  .probes = read_probe_configs(file, run.dim)};
+    file.reject_unknown_keys({"run", "output", "probe", "coupling", "interface"});
+    body(launch);
+    MPI_Finalize();
+    return 0;
+  }
+  catch (const Failure& failure)
+  {
+    return end_with(static_cast<int>(failure.code()), role, failure.what(), out_dir);
+  }
+  catch (const link::ProtocolError& error)
+  {
+    return end_with(error.code(), role, error.what(), out_dir);
+  }
+  catch (const std::exception& error)
+  {
+    return end_with(static_cast<int>(ExitCode::internal_error), role, std::string("internal error: ") + error.what(), out_dir);
+  }
+}
+
+} // namespace undine

@@ -1,0 +1,38 @@
+// The frame around each program's main: MPI, command line, case, the one place where failures end.
+#pragma once
+
+#include "common/config/case_file.hpp"
+#include "common/config/command_line.hpp"
+#include "common/config/coupling_config.hpp"
+#include "common/config/run_config.hpp"
+#include "common/coupling/bootstrap.hpp"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace undine
+{
+
+/// What a program knows before it meets the others.
+struct Launch
+{
+  std::string role; ///< "coupler", "fluid", "solid"
+  CommandLine line;
+  CaseFile file;
+  RunConfig run;
+  OutputConfig output;
+  CouplingConfig coupling;
+  std::vector<ProbeConfig> probes;
+
+  /// Meet the other programs. `partners`: roles that must be there.
+  /// @throws link::ProtocolError; InputError if this program has more than one rank
+  link::World meet(const std::vector<std::string>& partners) const;
+};
+
+/// Start MPI, read the command line and the case's common tables, run `body`, and turn every failure into one message, FAILED.toml and
+/// its exit code; programs of the same mpirun line end together. Reports unknown keys of the tables all programs share.
+/// @returns the exit code of the process
+int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body);
+
+} // namespace undine

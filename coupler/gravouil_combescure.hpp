@@ -1,0 +1,107 @@
+// The Gravouil-Combescure window: velocity continuity at every fine instant, each side with a time step of
+// its own.
+//
+// Scheme GC-F. Both sides integrate with central differences (Newmark β = 0, γ = ½), so positions do not
+// depend on the multiplier of the same instant and a link force f only adds Δt/2 M⁻¹ f to the free velocity.
+// With the coarse step ΔT = m Δt,
+//
+//   H λʲ = −( L_c [(1 − j/m) v_c,free⁰ + (j/m) v_c,free¹] + L_q v_q,freeʲ ),   H = ½ΔT L_c M_c⁻¹ L_cᵀ + ½Δt
+//   L_q M_q⁻¹ L_qᵀ,
+//
+// the fine side q is corrected with every λʲ, the coarse side c with the last one only. It is the *free*
+// coarse velocity that is interpolated, at both ends; interpolating from the total velocity is unstable for
+// every m ≥ 2 (the tests show it). Gravouil & Combescure (2001); Combescure & Gravouil (2001), ref. [7] of
+// Meduri et al. (2017), sec. 4.
+#pragma once
+
+#include "coupler/interface_operator.hpp"
+#include "coupler/partner.hpp"
+
+#include <array>
+#include <cstdint>
+
+namespace undine::coupler
+{
+
+/// What the interface did, cumulated since the start. Work of the link on a side over one of its steps is
+/// Δt ½(f⁰ + f¹)·½(v⁰ + v¹), which is exactly its contribution to the side's kinetic energy.
+struct InterfaceBalance
+{
+  std::array<double, 2> work{0.0, 0.0};    ///< [J] done by the link on each side
+  std::array<double, 2> impulse{0.0, 0.0}; ///< [N s] norm of the cumulated impulse vector of each side
+  double impulse_mismatch = 0.0;           ///< [N s] norm of the sum of both impulse vectors
+  double activation_loss = 0.0;            ///< [J] lost in plastic activations, ≥ 0
+  double velocity_jump = 0.0; ///< [m/s] largest |L_f v_f + L_s v_s| over its row sum, at the last window end
+  double displacement_gap = 0.0; ///< [m] the same for integrated velocities
+};
+
+/// Sizes of one window: `m` equal fine steps inside one coarse step.
+struct WindowSteps
+{
+  Side fine = Side::fluid;
+  std::int64_t m = 1;
+  double coarse_dt = 0.0; ///< ΔT [s]
+
+  Side coarse() const { return other(fine); }
+  double fine_dt() const { return coarse_dt / static_cast<double>(m); }
+  double dt(Side side) const { return side == fine ? fine_dt() : coarse_dt; }
+};
+
+class GravouilCombescure
+{
+public:
+  /// `dim` groups the rows of the wet-surface vectors (for the impulse ledger only).
+  GravouilCombescure(InterfaceOperator H, int dim);
+
+  /// Compatible state at a synchronised time: plastic projection of the velocities (no velocity jump) and
+  /// link forces that leave no acceleration jump. Needed at the start and whenever L or M change.
+  /// @param v,a_free velocity and M⁻¹F of each side [m/s, m/s²]
+  /// @returns for each side the nodal impulse [N s] and link force [N] it must apply
+  struct Start
+  {
+    std::array<Vector, 2> impulse;
+    std::array<Vector, 2> link_force;
+  };
+  Start activate(const std::array<Vector, 2>& v, const std::array<Vector, 2>& a_free);
+
+  /// Replace the operator after a change of the wet nodes or their masses; must be followed by activate().
+  void replace_operator(InterfaceOperator H);
+  /// Replace the operator after the same wet nodes have moved: normals turned, faces slid along each other. The state stays.
+  void turn_operator(InterfaceOperator H);
+
+  /// One window. The partners are asked in the order of the scheme; the coarse side is served last.
+  void advance(const WindowSteps& steps, Partner& fluid, Partner& solid);
+
+  /// All that a later window depends on: velocities and link forces of both sides at the last synchronised
+  /// time.
+  struct State
+  {
+    std::array<Vector, 2> v; ///< total velocity [m/s]
+    std::array<Vector, 2> f; ///< link force [N]
+  };
+  State state() const { return {v_, f_}; }
+  void restore(const State& state);
+
+  /// ∫v dt of the wet nodes of a side since the wet nodes were last replaced [m].
+  const Vector& travel(Side side) const { return travel_[side]; }
+
+  const InterfaceBalance& balance() const { return balance_; }
+  std::int64_t factorisations() const { return factorisations_ + H_.factorisations(); }
+  const Vector& lambda() const { return lambda_; }
+
+private:
+  void record_step(Side side, double dt, const Vector& v_new, const Vector& f_new);
+  void record_window();
+
+  InterfaceOperator H_;
+  int dim_;
+  Vector lambda_;
+  std::array<Vector, 2> v_;      ///< total velocity of each side at the last synchronised time
+  std::array<Vector, 2> f_;      ///< link force of each side at that time
+  std::array<Vector, 2> travel_; ///< ∫ v dt since the start
+  std::array<Vector, 2> impulse_;
+  InterfaceBalance balance_;
+  std::int64_t factorisations_ = 0; ///< of operators that were replaced
+};
+
+} // namespace undine::coupler

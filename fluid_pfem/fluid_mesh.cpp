@@ -1,0 +1,91 @@
+// Adjacency of simplices.
+#include "fluid_pfem/fluid_mesh.hpp"
+
+#include "fluid_pfem/simplex.hpp"
+
+#include <algorithm>
+
+namespace undine::fluid
+{
+
+namespace
+{
+
+/// The corners rotated so that the smallest comes first and the orientation stays: one form for every
+/// simplex.
+template <int dim>
+Simplex<dim> canonical(const Simplex<dim>& e)
+{
+  const int first = static_cast<int>(std::min_element(e.begin(), e.end()) - e.begin());
+  const auto order = even_order<dim>(first);
+  Simplex<dim> c;
+  for (std::size_t k = 0; k < c.size(); ++k)
+    c[k] = e[static_cast<std::size_t>(order[k])];
+  if constexpr (dim == 3) // the three others may still be rotated
+    while (c[1] > c[2] || c[1] > c[3])
+      c = {c[0], c[2], c[3], c[1]};
+  return c;
+}
+
+template <int dim>
+struct OrientedFacet
+{
+  Facet<dim> sorted;
+  Facet<dim> outward;
+};
+
+} // namespace
+
+template <int dim>
+FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
+{
+  FluidMesh<dim> mesh;
+  for (auto& e : elements)
+    e = canonical<dim>(e);
+  std::sort(elements.begin(), elements.end());
+  mesh.elements = std::move(elements);
+
+  mesh.fan_begin.assign(static_cast<std::size_t>(n_nodes) + 1, 0);
+  for (const auto& e : mesh.elements)
+    for (const index_t n : e)
+      ++mesh.fan_begin[static_cast<std::size_t>(n) + 1];
+  for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
+    mesh.fan_begin[n + 1] += mesh.fan_begin[n];
+  mesh.fans.resize(mesh.elements.size() * (dim + 1));
+  std::vector<index_t> next(mesh.fan_begin.begin(), mesh.fan_begin.end() - 1);
+
+  std::vector<OrientedFacet<dim>> facets;
+  facets.reserve(mesh.elements.size() * (dim + 1));
+  for (index_t e = 0; e < mesh.n_elements(); ++e)
+  {
+    const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
+    for (int a = 0; a <= dim; ++a)
+    {
+      const auto order = even_order<dim>(a);
+      FanEntry<dim> entry{.element = e, .opposite = {}};
+      for (std::size_t k = 0; k < dim; ++k)
+        entry.opposite[k] = nodes[static_cast<std::size_t>(order[k + 1])];
+      mesh.fans[static_cast<std::size_t>(
+          next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
+      // Seen from inside, (opposite…) of a positive simplex turns so that its normal points away from corner
+      // a: outward.
+      OrientedFacet<dim> facet{entry.opposite, entry.opposite};
+      std::sort(facet.sorted.begin(), facet.sorted.end());
+      facets.push_back(facet);
+    }
+  }
+  std::sort(facets.begin(), facets.end(), [](const auto& a, const auto& b) { return a.sorted < b.sorted; });
+  for (std::size_t f = 0; f < facets.size(); ++f)
+  {
+    const bool shared_before = f > 0 && facets[f - 1].sorted == facets[f].sorted;
+    const bool shared_after = f + 1 < facets.size() && facets[f + 1].sorted == facets[f].sorted;
+    if (!shared_before && !shared_after)
+      mesh.boundary.push_back(facets[f].outward);
+  }
+  return mesh;
+}
+
+template FluidMesh<2> connect<2>(index_t, std::vector<Simplex<2>>);
+template FluidMesh<3> connect<3>(index_t, std::vector<Simplex<3>>);
+
+} // namespace undine::fluid

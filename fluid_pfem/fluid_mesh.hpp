@@ -1,0 +1,50 @@
+// Connectivity of the fluid between two remeshes: simplices, boundary facets and the fan of elements around
+// every node.
+#pragma once
+
+#include "common/types.hpp"
+
+#include <array>
+#include <span>
+#include <vector>
+
+namespace undine::fluid
+{
+
+template <int dim>
+using Simplex = std::array<index_t, dim + 1>;
+
+template <int dim>
+using Facet = std::array<index_t, dim>;
+
+/// One element seen from a node: (node, opposite…) is positively oriented.
+template <int dim>
+struct FanEntry
+{
+  index_t element;
+  std::array<index_t, dim> opposite;
+};
+
+template <int dim>
+struct FluidMesh
+{
+  std::vector<Simplex<dim>>
+      elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
+  std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
+  std::vector<index_t> fan_begin;   ///< size n_nodes + 1
+  std::vector<FanEntry<dim>> fans;
+
+  std::span<const FanEntry<dim>> fan(index_t n) const
+  {
+    return {fans.data() + fan_begin[static_cast<std::size_t>(n)],
+            fans.data() + fan_begin[static_cast<std::size_t>(n) + 1]};
+  }
+  bool isolated(index_t n) const { return fan(n).empty(); }
+  index_t n_elements() const { return static_cast<index_t>(elements.size()); }
+};
+
+/// Sort the elements, find the boundary and the fans.
+template <int dim>
+FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements);
+
+} // namespace undine::fluid

@@ -1,0 +1,45 @@
+// What the fluid writes: frames, histories of probes, the energy and mass ledgers.
+#pragma once
+
+#include "common/config/run_config.hpp"
+#include "common/io/frames.hpp"
+#include "common/io/history.hpp"
+#include "fluid_pfem/fluid.hpp"
+
+#include <string>
+#include <vector>
+
+namespace undine::fluid
+{
+
+/// Files of one run in `out_dir`: fluid.h5/.xdmf, history/<probe>.csv, history/fluid_energy.csv, history/mass.csv.
+/// A probe at a point follows the node that was nearest at the start; a probe on a surface is the mean over its nodes.
+template <int dim>
+class FluidOutput
+{
+public:
+  /// @throws InputError for a probe that names an unknown surface or field
+  FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes, const Fluid<dim>& fluid);
+
+  /// Call at every synchronised time; rows are written when they are due.
+  void observe(double t, const Fluid<dim>& fluid, bool frame);
+  void write_frame(double t, const Fluid<dim>& fluid);
+
+private:
+  struct Probe
+  {
+    std::vector<global_index_t> id; ///< nodes of the mean
+    std::vector<std::string> fields;
+    History history;
+  };
+  void write_rows(double t, const Fluid<dim>& fluid);
+
+  OutputConfig config_;
+  FrameWriter frames_;
+  std::vector<Probe> probes_;
+  History energy_, mass_;
+  double next_row_ = 0.0;
+  double mass_at_start_ = 0.0;
+};
+
+} // namespace undine::fluid

@@ -1,0 +1,78 @@
+// The fluid program: alone, or coupled to a solid through the coupler.
+#include "common/io/log.hpp"
+#include "common/io/summary.hpp"
+#include "common/program/program.hpp"
+#include "fluid_pfem/fluid.hpp"
+#include "fluid_pfem/fluid_config.hpp"
+#include "fluid_pfem/fluid_output.hpp"
+#include "fluid_pfem/run.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+
+namespace
+{
+
+using namespace undine;
+
+template <int dim>
+void run(const Launch& launch, const fluid::FluidConfig& config)
+{
+  fluid::Fluid<dim> fluid(config);
+  if (launch.line.check_only)
+  {
+    fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step {:.4g} s\n",
+               fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
+               config.tait.sound_speed(config.tait.rho0), fluid.critical_time_step());
+    return;
+  }
+  const bool coupled = launch.coupling.present;
+  const link::World world = launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
+  const auto log = make_log(launch.output.dir, launch.role, !coupled);
+  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s", launch.file.path(), fluid.nodes().size(),
+            fluid.mesh().n_elements(), fluid.n_wet(), fluid.critical_time_step());
+
+  fluid::FluidOutput<dim> output(launch.output, launch.probes, fluid);
+  const auto begin = std::chrono::steady_clock::now();
+  const double mass = fluid.mass();
+  const auto observe = [&](double t, const fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
+  double wait = 0.0;
+  if (coupled)
+  {
+    link::SolverLink link(world.channel("coupler"));
+    fluid::run_coupled<dim>(fluid, link, observe);
+    wait = link.wait_seconds();
+  }
+  else
+    fluid::run_alone<dim>(fluid, launch.run, launch.output.frame_interval, observe);
+
+  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  Summary summary;
+  summary.set("fluid.steps", fluid.steps());
+  summary.set("fluid.wall_s", wall);
+  summary.set("fluid.wait_s", wait);
+  summary.set("fluid.nodes", fluid.nodes().size());
+  summary.set("fluid.ns_per_node_step", 1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
+  summary.set("fluid.remeshes", fluid.remeshes());
+  summary.set("fluid.mass_drift", fluid.mass() / mass - 1.0);
+  summary.write(launch.output.dir + "/fluid.json");
+  log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(), fluid.remeshes(), wall, wait);
+}
+
+void start(Launch& launch)
+{
+  const fluid::FluidConfig config = fluid::read_fluid(launch.file, launch.run, launch.coupling);
+  launch.file.reject_unknown_keys({"fluid"});
+  if (launch.line.document_keys)
+  {
+    std::fputs(launch.file.documentation().c_str(), stdout);
+    return;
+  }
+  config.dim == 2 ? run<2>(launch, config) : run<3>(launch, config);
+}
+
+} // namespace
+
+int main(int argc, char** argv) { return undine::run_program("fluid", argc, argv, start); }

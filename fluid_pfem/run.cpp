@@ -1,0 +1,122 @@
+// The fluid's time loops, to be read beside section 4 of Meduri et al. (2017).
+#include "fluid_pfem/run.hpp"
+
+#include "common/time/step_ladder.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace undine::fluid
+{
+
+namespace
+{
+
+double seconds_since(std::chrono::steady_clock::time_point begin)
+{
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+template <int dim>
+link::Report report_of(const Fluid<dim>& fluid, double initial_potential)
+{
+  const FluidEnergy e = fluid.energy();
+  link::Report report;
+  report.stable_dt = fluid.critical_time_step();
+  report.kinetic_energy = e.kinetic;
+  report.internal_energy = e.internal;
+  report.external_work = initial_potential - e.potential;
+  report.dissipated_energy = e.dissipated;
+  report.interface_work = e.interface_work;
+  report.mass = fluid.mass();
+  report.steps = fluid.steps();
+  return report;
+}
+
+} // namespace
+
+template <int dim>
+void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe)
+{
+  const auto begin = std::chrono::steady_clock::now();
+  const double initial_potential = fluid.energy().potential;
+  const auto report = [&](bool surface_changed)
+  {
+    link::Report r = report_of(fluid, initial_potential);
+    r.surface_changed = surface_changed;
+    r.wait_seconds = link.wait_seconds();
+    r.compute_seconds = seconds_since(begin) - r.wait_seconds;
+    link.send_report(r);
+  };
+
+  const link::Setup setup = link.receive_setup();
+  link.send_mesh(fluid.wet_surface());
+  observe(setup.t_begin, fluid, true);
+  std::vector<double> f_link(fluid.interface_velocity().size());
+  report(false);
+
+  while (const auto window = link.next_window())
+  {
+    const double dt = window->dt();
+    if (window->activate)
+    {
+      link.send_kinematics(fluid.kinematics());
+      fluid.apply_activation(link.receive_activation());
+    }
+    for (std::int64_t j = 0; j < window->steps; ++j)
+    {
+      fluid.predict(dt);
+      fluid.solve_free_motion_of_interface(dt);
+      link.send_free_velocity(fluid.interface_velocity()); // travels while the interior is computed
+      fluid.solve_free_motion_of_interior(dt);
+      link.receive_link_force(f_link);
+      fluid.correct_with_link(f_link, dt);
+    }
+    observe(window->t_end, fluid, window->output);
+
+    const bool remesh = !window->last && fluid.is_distorted();
+    if (remesh)
+    {
+      fluid.remesh();
+      f_link.resize(fluid.interface_velocity().size());
+    }
+    report(remesh);
+    if (remesh)
+      link.send_mesh_update(fluid.wet_surface());
+  }
+}
+
+template <int dim>
+void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe)
+{
+  constexpr std::int64_t check_every = 4; // steps between two looks at the mesh and at the stable step
+  const StepLadder ladder;
+  double t = run.t_begin, dt = 0.0;
+  std::int64_t frames = 1;
+  observe(t, fluid, true);
+  for (std::int64_t step = 0; t < run.t_end; ++step)
+  {
+    if (step % check_every == 0)
+    {
+      if (step > 0 && fluid.is_distorted())
+        fluid.remesh();
+      dt = ladder.next(dt, fluid.critical_time_step());
+    }
+    const double rest = run.t_end - t;
+    const double this_dt = rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left
+    fluid.predict(this_dt);
+    fluid.solve_free_motion(this_dt);
+    t = rest <= dt ? run.t_end : t + this_dt;
+    const bool frame = t >= run.t_end || (frame_interval > 0.0 && t >= run.t_begin + static_cast<double>(frames) * frame_interval);
+    frames += frame;
+    observe(t, fluid, frame);
+  }
+}
+
+template void run_coupled<2>(Fluid<2>&, link::SolverLink&, const Observer<2>&);
+template void run_coupled<3>(Fluid<3>&, link::SolverLink&, const Observer<3>&);
+template void run_alone<2>(Fluid<2>&, const RunConfig&, double, const Observer<2>&);
+template void run_alone<3>(Fluid<3>&, const RunConfig&, double, const Observer<3>&);
+
+} // namespace undine::fluid

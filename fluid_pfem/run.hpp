@@ -1,0 +1,26 @@
+// The fluid's time loops: coupled, and alone.
+#pragma once
+
+#include "common/config/run_config.hpp"
+#include "common/coupling/link.hpp"
+#include "fluid_pfem/fluid.hpp"
+
+#include <functional>
+
+namespace undine::fluid
+{
+
+/// Called at the start and after every window (coupled) or step (alone), always at a synchronised time.
+/// `frame`: a field frame is due.
+template <int dim>
+using Observer = std::function<void(double t, const Fluid<dim>& fluid, bool frame)>;
+
+/// Run coupled until the coupler says good-bye.
+template <int dim>
+void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe);
+
+/// Run alone from run.t_begin to run.t_end. `frame_interval` [s], 0: only the first and the last frame.
+template <int dim>
+void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe);
+
+} // namespace undine::fluid
