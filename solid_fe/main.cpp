@@ -1,60 +1,121 @@
 // The solid program: alone, or coupled to a fluid through the coupler.
+#include "common/error.hpp"
 #include "common/io/log.hpp"
 #include "common/program/program.hpp"
+#include "solid_fe/describe.hpp"
 #include "solid_fe/read_solid_config.hpp"
 #include "solid_fe/run.hpp"
 #include "solid_fe/solid.hpp"
 #include "solid_fe/solid_output.hpp"
 
-#include <fmt/format.h>
+#include <mpi.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
+#include <optional>
 
 namespace
 {
 
 using namespace undine;
 
+/// Logs the progress once per second on a terminal, every 30 s otherwise.
+class Reporter
+{
+public:
+  Reporter(std::shared_ptr<spdlog::logger> log, double t_end)
+      : log_(std::move(log)), t_end_(t_end), period_(isatty(STDERR_FILENO) != 0 ? 1.0 : 30.0)
+  {
+  }
+  bool operator()(double t, std::int64_t step, double dt)
+  {
+    const auto now = std::chrono::steady_clock::now();
+    if (std::chrono::duration<double>(now - last_).count() > period_)
+    {
+      log_->info("t = {:.6g} s ({:.1f} %), step {}, dt {:.3g} s", t, 100.0 * t / t_end_, step, dt);
+      last_ = now;
+    }
+    return true;
+  }
+
+private:
+  std::shared_ptr<spdlog::logger> log_;
+  double t_end_, period_;
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+/// The roles that must be there. A coupled case in a world of one process runs its solid alone.
+std::vector<std::string> partners(const Launch& launch)
+{
+  int size = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  return launch.coupling.present && size > 1 ? std::vector<std::string>{"coupler"}
+                                             : std::vector<std::string>{};
+}
+
 template <int dim>
 void run(const Launch& launch, const solid::SolidConfig& config)
 {
   solid::Solid<dim> solid(config, solid::make_mesh<dim>(config));
+  solid::check_probes(launch.probes, solid);
+  const std::string description = describe(config, solid, launch.run.t_end);
   if (launch.line.check_only)
   {
-    fmt::print("solid: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s\n", solid.nodes().size(), solid.n_elements(),
-               solid.n_wet_nodes(), solid.critical_time_step());
+    std::fputs(description.c_str(), stdout);
     return;
   }
-  const bool coupled = launch.coupling.present;
-  const link::World world = launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
+  const link::World world = launch.meet(partners(launch));
+  const bool coupled = world.coupled();
   const auto log = make_log(launch.output.dir, launch.role, !coupled);
-  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s", launch.file.path(), solid.nodes().size(),
-            solid.n_elements(), solid.n_wet_nodes(), solid.critical_time_step());
+  log->info("solid_fe {}, {}\n{}", UNDINE_VERSION, coupled ? "coupled" : "alone", description);
+  if (launch.coupling.present && !coupled)
+    log->warn("the case has a [coupling] table but no coupler was started: the solid runs alone");
 
-  std::vector<solid::ProbeConfig> probes;
-  for (const ProbeConfig& p : launch.probes)
-    if (p.on == "solid")
-      probes.push_back({.name = p.name, .point = p.point, .definition = ""});
-  solid::SolidOutput<dim> output(launch.output.dir, probes, solid);
+  solid::SolidOutput<dim> output(launch.output, launch.probes, solid);
   const solid::RunTimes times{.t_end = launch.run.t_end,
                               .frame_interval = launch.output.frame_interval,
                               .history_interval = launch.output.history_interval};
-  solid::RunResult result;
-  if (coupled)
+  const auto summarise = [&](const solid::RunResult& result, const char* status, ExitCode code)
   {
-    link::SolverLink link(world.channel("coupler"));
-    result = solid::run_coupled<dim>(solid, link, times, &output);
+    auto summary = solid::summarise(solid, result);
+    summary.set("status", status);
+    summary.set("exit_code", static_cast<int>(code));
+    summary.write(launch.output.dir + "/solid.json");
+  };
+  std::optional<link::SolverLink> coupler;
+  if (coupled)
+    coupler.emplace(world.channel("coupler"));
+  try
+  {
+    const Reporter reporter(log, launch.run.t_end);
+    const auto result = coupler ? solid::run_coupled<dim>(solid, *coupler, times, &output, reporter)
+                                : solid::run_alone<dim>(solid, times, &output, reporter);
+    summarise(result, "completed", ExitCode::success);
+    log->info("completed at t = {:.9g} s after {} steps, {:.3g} s of computing, {:.3g} s of waiting; energy "
+              "drift {:.3g}",
+              result.t_end, result.steps, result.compute_seconds, result.wait_seconds, result.energy_drift);
   }
-  else
-    result = solid::run_alone<dim>(solid, times, &output);
-  solid::summarise(solid, result).write(launch.output.dir + "/solid.json");
-  log->info("done: {} steps, {:.3g} s of which {:.3g} s waiting", result.steps, result.compute_seconds + result.wait_seconds,
-            result.wait_seconds);
+  catch (const NumericalError& error)
+  {
+    if (coupler)
+      coupler->send_failure(static_cast<int>(error.code()), error.what());
+    output.write_frame(solid); // the state that broke is what one wants to see
+    summarise({.t_end = solid.time(), .steps = solid.steps()}, "failed", error.code());
+    throw;
+  }
+  catch (const Failure& failure)
+  {
+    if (coupler)
+      coupler->send_failure(static_cast<int>(failure.code()), failure.what());
+    throw;
+  }
 }
 
 void start(Launch& launch)
 {
-  const solid::SolidConfig config = solid::read_solid_config(launch.file, launch.run.dim, launch.run.element_size());
+  const solid::SolidConfig config =
+      solid::read_solid_config(launch.file, launch.run.dim, launch.run.element_size());
   launch.file.reject_unknown_keys({"solid"});
   if (launch.line.document_keys)
   {

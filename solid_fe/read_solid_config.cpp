@@ -1,8 +1,8 @@
 // The keys of the solid, each with unit, meaning, default and rule.
 #include "solid_fe/read_solid_config.hpp"
 
-#include <array>
-#include <string_view>
+#include "common/config/coupling_config.hpp"
+#include "common/error.hpp"
 
 namespace undine::solid
 {
@@ -115,6 +115,8 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
 
 SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size)
 {
+  if (!file.has_table("solid"))
+    throw InputError(file.path() + ": there is no [solid] table: add one, or leave out solid_fe");
   const CaseTable solid = file.table("solid", "the deformable body");
   const auto n = static_cast<std::size_t>(dim);
   SolidConfig config;
@@ -129,12 +131,8 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   config.step_safety =
       solid.number({"step_safety", "", "fraction of the stable step that is used"}, 0.9, between(0.01, 1.0));
   read_supports_and_loads(solid, dim, config);
-  for (const auto& table : file.tables("interface", "surface where fluid and solid meet"))
-  {
-    const auto name = table.text({"name", "", "name of the interface"});
-    if (const auto surface = table.optional_text({"solid", "", "surface of the solid that is wet"}))
-      config.wet.push_back({name, *surface});
-  }
+  for (const auto& interface : read_coupling(file).interfaces)
+    config.wet.push_back({interface.name, interface.solid});
   return config;
 }
 

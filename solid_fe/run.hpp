@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/coupling/link.hpp"
+#include "common/io/summary.hpp"
 #include "solid_fe/solid.hpp"
 #include "solid_fe/solid_output.hpp"
 
@@ -57,7 +58,7 @@ template <int dim>
 RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
                       SolidOutput<dim>* output, const Progress& progress = {});
 
-/// The solid's part of summary.json: keys solid.steps, solid.wall_s, solid.nodes, ...
+/// The solid's part of summary.json: steps, wall_s, nodes, balances and their definitions.
 template <int dim>
 Summary summarise(const Solid<dim>& solid, const RunResult& result);
 

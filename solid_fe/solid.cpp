@@ -5,9 +5,10 @@
 #include "solid_fe/critical_time_step.hpp"
 #include "solid_fe/frequency_bounds.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
-#include <cstdio>
 #include <limits>
 
 namespace undine::solid
@@ -399,15 +400,14 @@ void Solid<dim>::fail_inverted(const Body<dim>& body, index_t element) const
         for (const index_t n : block.nodes[e])
           x += (1.0 / Element::nodes) *
                (nodes_.X[static_cast<std::size_t>(n)] + nodes_.u[static_cast<std::size_t>(n)]);
-        char text[400];
-        std::snprintf(text, sizeof text,
-                      "solid: det F of %s number %d near (%.6g, %.6g, %.6g) m is not positive at step %lld, "
-                      "t = %.9g s: the "
-                      "element is inverted. The load is beyond what this mesh and law can carry, or the step "
-                      "is too large",
-                      element_name(Element::type), block.number[e], x[0], x[1], dim == 3 ? x[dim - 1] : 0.0,
-                      static_cast<long long>(step_), time());
-        throw NumericalError(text);
+        std::string position;
+        for (int i = 0; i < dim; ++i)
+          position += fmt::format("{}{:.6g}", i > 0 ? ", " : "", x[i]);
+        throw NumericalError(fmt::format(
+            "solid: det F of {} number {} near ({}) m is not positive at step {}, t = {:.9g} s: the element "
+            "is "
+            "inverted. The load is beyond what this mesh and law can carry, or the step is too large",
+            element_name(Element::type), block.number[e], position, step_, time()));
       },
       body.block);
   throw InternalError("unreachable");

@@ -1,7 +1,12 @@
 // Fields and histories of the solid.
 #include "solid_fe/solid_output.hpp"
 
+#include "common/error.hpp"
+
+#include <algorithm>
+#include <cstdio>
 #include <limits>
+#include <map>
 
 namespace undine::solid
 {
@@ -19,14 +24,105 @@ std::vector<double> flat(const std::vector<Vec<dim>>& field)
   return values;
 }
 
+/// A quantity with its unit; the force is the only one that is no nodal field.
+struct Quantity
+{
+  const char* name;
+  const char* unit;
+};
+constexpr Quantity quantities[] = {{"u", "[m]"}, {"v", "[m/s]"}, {"a", "[m/s2]"}, {"F", "[N]"}};
+
 template <int dim>
-std::vector<std::string> motion_columns()
+std::vector<std::string> columns_of(const ProbeConfig& probe)
 {
   std::vector<std::string> columns;
-  for (const char* quantity : {"u_", "v_"})
+  for (const auto& name : probe.fields)
+  {
+    const auto* known = std::find_if(std::begin(quantities), std::end(quantities),
+                                     [&name](const Quantity& quantity) { return name == quantity.name; });
+    if (known == std::end(quantities))
+      throw InputError("probe \"" + probe.name + "\": quantity \"" + name +
+                       "\": the solid measures u, v, a, F");
     for (int i = 0; i < dim; ++i)
-      columns.push_back(quantity + std::string(1, "xyz"[i]) + (quantity[0] == 'u' ? "[m]" : "[m/s]"));
+      columns.push_back(name + "_" + std::string(1, "xyz"[i]) + known->unit);
+  }
   return columns;
+}
+
+template <int dim>
+const std::vector<Vec<dim>>& field_of(const SolidNodes<dim>& nodes, const std::string& name)
+{
+  return name == "u" ? nodes.u : name == "v" ? nodes.v : nodes.a;
+}
+
+/// "(0.1, 0.2)".
+template <int dim>
+std::string text_of(const Vec<dim>& x)
+{
+  std::string text = "(";
+  char number[32];
+  for (int i = 0; i < dim; ++i)
+  {
+    std::snprintf(number, sizeof number, "%s%.9g", i > 0 ? ", " : "", x[i]);
+    text += number;
+  }
+  return text + ")";
+}
+
+/// Where a probe measures: nodes with weights that sum to 1, and words for the head of its file.
+struct ProbePlace
+{
+  std::vector<index_t> nodes;
+  std::vector<double> weight;
+  std::string definition;
+};
+
+template <int dim>
+ProbePlace place_of(const ProbeConfig& probe, const Solid<dim>& solid)
+{
+  const std::string key = "probe \"" + probe.name + "\"";
+  std::map<index_t, double> weight;
+  std::string definition;
+  if (probe.at_point())
+  {
+    const index_t node = nearest_node(solid, to_vec<dim>(probe.point, key + ": point"));
+    weight[node] = 1.0;
+    definition = "material point of the solid: node " +
+                 std::to_string(solid.given_number()[static_cast<std::size_t>(node)]) + " at " +
+                 text_of(solid.nodes().X[static_cast<std::size_t>(node)]) +
+                 " m in the reference state, nearest to " + text_of(to_vec<dim>(probe.point, key)) + " m";
+  }
+  else
+  {
+    const auto& surface = find_surface(solid.mesh(), probe.surface, key + ": surface");
+    double area = 0.0;
+    for (index_t f = 0; f < surface.size(); ++f)
+    {
+      const auto begin = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f)]);
+      const auto end = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f) + 1]);
+      const std::span<const index_t> facet(surface.nodes.data() + begin, end - begin);
+      const auto weights = facet_weights(solid.mesh(), facet);
+      for (std::size_t a = 0; a < facet.size(); ++a)
+      {
+        weight[facet[a]] += weights[a];
+        area += weights[a];
+      }
+    }
+    for (auto& [node, w] : weight)
+      w /= area;
+    definition = "surface \"" + probe.surface + "\" of the solid: u, v, a are means over its reference area";
+  }
+  if (std::find(probe.fields.begin(), probe.fields.end(), "F") != probe.fields.end())
+    definition +=
+        std::string("; F is the force of the supports on it") + (dim == 2 ? ", per metre of thickness" : "");
+
+  ProbePlace place{.nodes = {}, .weight = {}, .definition = std::move(definition)};
+  for (const auto& [node, w] : weight)
+  {
+    place.nodes.push_back(node);
+    place.weight.push_back(w);
+  }
+  return place;
 }
 
 } // namespace
@@ -71,37 +167,50 @@ index_t nearest_node(const Solid<dim>& solid, const Vec<dim>& point)
   return nearest;
 }
 
+std::vector<std::string> probe_quantities()
+{
+  std::vector<std::string> names;
+  for (const auto& quantity : quantities)
+    names.emplace_back(quantity.name);
+  return names;
+}
+
 template <int dim>
-SolidOutput<dim>::SolidOutput(const std::string& out_dir, const std::vector<ProbeConfig>& probes,
-                              const Solid<dim>& solid)
-    : frames_(out_dir, "solid"),
-      energy_(out_dir, "solid_energy",
-              dim == 2 ? "energies and cumulated works of the solid, per metre of thickness; the balance "
-                         "kinetic + strain - "
-                         "external - interface stays at its start up to O(dt^2)"
-                       : "energies and cumulated works of the solid; the balance kinetic + strain - external "
-                         "- interface "
-                         "stays at its start up to O(dt^2)",
-              {"kinetic[J]", "strain[J]", "external_work[J]", "interface_work[J]", "balance[J]"})
+void check_probes(const std::vector<ProbeConfig>& probes, const Solid<dim>& solid)
 {
   for (const auto& probe : probes)
-  {
-    const auto node =
-        static_cast<std::size_t>(nearest_node(solid, to_vec<dim>(probe.point, "probe." + probe.name)));
-    const auto& X = solid.nodes().X[node];
-    std::string definition =
-        probe.definition.empty() ? "motion of a material point of the solid" : probe.definition;
-    definition += "; node " + std::to_string(solid.given_number()[node]) + " at (";
-    for (int i = 0; i < dim; ++i)
-      definition += (i > 0 ? ", " : "") + std::to_string(X[i]);
-    definition += ") m in the reference state";
-    probes_.push_back({node, History(out_dir, probe.name, definition, motion_columns<dim>())});
-  }
+    if (probe.on == "solid")
+    {
+      place_of(probe, solid);
+      columns_of<dim>(probe);
+    }
+}
+
+template <int dim>
+SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<ProbeConfig>& probes,
+                              const Solid<dim>& solid)
+    : energy_(config.dir, "solid_energy",
+              std::string("energies and cumulated works of the solid") +
+                  (dim == 2 ? " per metre of thickness" : "") +
+                  "; balance = kinetic + strain - external - interface stays at its start up to O(dt^2)",
+              {"kinetic[J]", "strain[J]", "external_work[J]", "interface_work[J]", "balance[J]"})
+{
+  if (config.frames)
+    frames_.emplace(config.dir, "solid");
+  for (const auto& probe : probes)
+    if (probe.on == "solid")
+    {
+      auto place = place_of(probe, solid);
+      probes_.push_back({std::move(place.nodes), std::move(place.weight), probe.fields,
+                         History(config.dir, probe.name, place.definition, columns_of<dim>(probe))});
+    }
 }
 
 template <int dim>
 void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
 {
+  if (!frames_)
+    return;
   const auto& nodes = solid.nodes();
   const auto u = flat(nodes.u), v = flat(nodes.v);
   auto x = flat(nodes.X);
@@ -124,7 +233,7 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
           mesh.blocks.emplace_back(Element::type, std::span<const index_t>(list));
         },
         body.block);
-  frames_.write(
+  frames_->write(
       solid.time(), mesh,
       {{.name = "displacement", .unit = "m", .components = dim, .values = u, .on_cells = false},
        {.name = "velocity", .unit = "m/s", .components = dim, .values = v, .on_cells = false},
@@ -138,8 +247,16 @@ void SolidOutput<dim>::write_history(const Solid<dim>& solid)
   for (auto& probe : probes_)
   {
     std::vector<double> row;
-    for (const auto& x : {solid.nodes().u[probe.node], solid.nodes().v[probe.node]})
-      row.insert(row.end(), x.c.begin(), x.c.end());
+    for (const auto& name : probe.quantities)
+    {
+      Vec<dim> value;
+      if (name == "F")
+        value = solid.reaction(probe.nodes);
+      else
+        for (std::size_t k = 0; k < probe.nodes.size(); ++k)
+          value += probe.weight[k] * field_of(solid.nodes(), name)[static_cast<std::size_t>(probe.nodes[k])];
+      row.insert(row.end(), value.c.begin(), value.c.end());
+    }
     probe.history.write(solid.time(), row);
   }
   const auto e = solid.energies();
@@ -150,6 +267,8 @@ template CellStress cell_stress(const Solid<2>&);
 template CellStress cell_stress(const Solid<3>&);
 template index_t nearest_node(const Solid<2>&, const Vec<2>&);
 template index_t nearest_node(const Solid<3>&, const Vec<3>&);
+template void check_probes(const std::vector<ProbeConfig>&, const Solid<2>&);
+template void check_probes(const std::vector<ProbeConfig>&, const Solid<3>&);
 template class SolidOutput<2>;
 template class SolidOutput<3>;
 

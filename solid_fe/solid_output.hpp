@@ -1,25 +1,17 @@
 // What the solid writes: frames, histories of probes, the energy ledger, the summary part.
 #pragma once
 
+#include "common/config/run_config.hpp"
 #include "common/io/frames.hpp"
 #include "common/io/history.hpp"
-#include "common/io/summary.hpp"
 #include "solid_fe/solid.hpp"
 
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace undine::solid
 {
-
-/// A material point whose motion is recorded: the node nearest to `point` in the reference state.
-struct ProbeConfig
-{
-  std::string name;
-  std::vector<double> point; ///< [m], dim numbers
-  std::string definition;    ///< for the reader of the file; "" for a default
-};
 
 /// Stress of each element, block after block: mean over its points. Size n_elements.
 struct CellStress
@@ -35,13 +27,23 @@ CellStress cell_stress(const Solid<dim>& solid);
 template <int dim>
 index_t nearest_node(const Solid<dim>& solid, const Vec<dim>& point);
 
-/// Files of one run in `out_dir`: solid.h5/.xdmf, history/<probe>.csv, history/solid_energy.csv.
-/// @throws Failure(output_failed) from its writers
+/// What a probe of the solid measures: "u" [m], "v" [m/s], "a" [m/s²] at the material point nearest to
+/// `point`, or their mean over `surface`; "F", the force of the supports on `surface` (or on that one node)
+/// [N], per metre of thickness in 2-D.
+std::vector<std::string> probe_quantities();
+
+/// Check the probes of the solid without writing. @throws InputError for a surface or quantity that is not
+/// there
+template <int dim>
+void check_probes(const std::vector<ProbeConfig>& probes, const Solid<dim>& solid);
+
+/// Files of one run in its output folder: solid.h5/.xdmf, history/<probe>.csv, history/solid_energy.csv.
+/// @throws InputError for a probe that cannot be (surface, quantity), Failure(output_failed) from its writers
 template <int dim>
 class SolidOutput
 {
 public:
-  SolidOutput(const std::string& out_dir, const std::vector<ProbeConfig>& probes, const Solid<dim>& solid);
+  SolidOutput(const OutputConfig& config, const std::vector<ProbeConfig>& probes, const Solid<dim>& solid);
 
   void write_frame(const Solid<dim>& solid);   ///< displacement, velocity, stress on the current mesh
   void write_history(const Solid<dim>& solid); ///< one row in every history
@@ -49,10 +51,13 @@ public:
 private:
   struct Probe
   {
-    std::size_t node;
+    std::vector<index_t> nodes;
+    std::vector<double> weight; ///< of the mean over the nodes; sums to 1
+    std::vector<std::string> quantities;
     History history;
   };
-  FrameWriter frames_;
+
+  std::optional<FrameWriter> frames_;
   std::vector<Probe> probes_;
   History energy_;
 };

@@ -8,7 +8,6 @@
 
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
 
@@ -385,8 +384,11 @@ private:
       if (last_in_.window >= 0)
         last += " (window " + std::to_string(last_in_.window) + ", t = " + number_text(last_in_.t) + " s)";
     }
-    return "'" + partner_ + "' has sent nothing for " + number_text(std::floor(seconds * 10.0) / 10.0) +
-           " s.  " + last + "; expected " + expected_text();
+    char duration[32];
+    std::snprintf(duration, sizeof duration, seconds < 10.0 ? "%.2g" : "%.0f", seconds);
+    return "'" + partner_ + "' has sent nothing for " + duration + " s.  " + last + "; expected " +
+           expected_text() +
+           "\n       it may be stuck, stopped or swapping; see its log. The limit is the stall time-out.";
   }
 
   [[noreturn]] void throw_failure() const

@@ -67,6 +67,7 @@ value = [0, -1e3, 0]
 ramp = 0.1
 [[interface]]
 name = "gamma"
+fluid = "bottom"
 solid = "top"
 )",
                            3);
@@ -101,5 +102,6 @@ TEST_CASE("wrong values of the solid are refused with key and rule", "[solid][un
   CHECK_THROWS_WITH(read(minimal + "step_safety = 1.5\n"), Catch::Contains("step_safety"));
   CHECK_THROWS_WITH(read(minimal + "gravity = [0, 0, -9.81]\n"), Catch::Contains("gravity"));
   CHECK_THROWS_WITH(read(minimal + "densty = 3\n"), Catch::Contains("densty") && Catch::Contains("density"));
+  CHECK_THROWS_WITH(read("[run]\nt_end = 1\n"), Catch::Contains("no [solid] table"));
   CHECK_THROWS_AS(read(minimal + "step_safety = 1.5\n"), InputError);
 }

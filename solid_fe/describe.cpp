@@ -1,0 +1,55 @@
+// Words for the resolved configuration.
+#include "solid_fe/describe.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace undine::solid
+{
+
+template <int dim>
+std::string describe(const SolidConfig& config, const Solid<dim>& solid, double t_end)
+{
+  const auto& material = config.material;
+  const double modulus =
+      std::visit([](const auto& law) { return law.wave_modulus(Mat<dim>{}); }, make_material(material));
+  const double dt = solid.critical_time_step();
+  std::string text =
+      fmt::format("solid in {}-D{}\n", dim, dim == 2 ? ", plane strain, per metre of thickness" : "");
+  text += fmt::format("  material   {}: density {} kg/m3, E {} Pa, nu {}; fastest wave {:.6g} m/s\n",
+                      material.law, material.density, material.youngs_modulus, material.poisson_ratio,
+                      std::sqrt(modulus / material.density));
+  for (const auto& body : solid.bodies())
+    std::visit(
+        [&]<class Element>(const ReferenceBlock<Element>& block)
+        {
+          text += fmt::format("  elements   {} {}{}, {} of them touch wet nodes\n", block.size(),
+                              element_name(Element::type),
+                              block.body.empty() ? "" : " of \"" + block.body + "\"", block.n_interface);
+        },
+        body.block);
+  text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());
+  text += fmt::format("  mass       {:.9g} kg\n", solid.mass());
+  for (const auto& [name, surface] : solid.mesh().surfaces)
+    text += fmt::format("  surface    {}: {} facets\n", name, surface.size());
+  for (const auto& wet : config.wet)
+    text += fmt::format("  interface  {} on surface {}\n", wet.interface, wet.surface);
+  for (const auto& fix : config.fix)
+    text += fmt::format("  fix        {}: {}\n", fix.on, fmt::join(fix.components, ", "));
+  for (const auto& velocity : config.velocity)
+    text += fmt::format("  velocity   {}: ({}) m/s in {}\n", velocity.on, fmt::join(velocity.value, ", "),
+                        fmt::join(velocity.components, ", "));
+  for (const auto& traction : config.traction)
+    text += fmt::format("  traction   {}: ({}) Pa, ramp {} s\n", traction.on, fmt::join(traction.value, ", "),
+                        traction.ramp);
+  text += fmt::format("  gravity    ({}) m/s2\n", fmt::join(config.gravity, ", "));
+  text += fmt::format("  step       {:.6g} s = {} x the bound of the stable step; {:.0f} steps to t = {} s\n",
+                      dt, config.step_safety, std::ceil(t_end / dt), t_end);
+  return text;
+}
+
+template std::string describe(const SolidConfig&, const Solid<2>&, double);
+template std::string describe(const SolidConfig&, const Solid<3>&, double);
+
+} // namespace undine::solid

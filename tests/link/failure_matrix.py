@@ -1,0 +1,261 @@
+#!/usr/bin/python3
+"""Start coupled runs of link_actor in which one thing goes wrong, and check how they end.
+
+Example: failure_matrix.py --actor build/release/tests/link_actor
+         failure_matrix.py --actor build/release/tests/link_actor --case stuck --case killed --verbose
+
+For each case: all processes are gone in time, mpirun returns the documented code, stderr names the culprit, and
+FAILED.toml says the same when one of our programs could write it. Prints a table case -> seconds -> code.
+"""
+import argparse
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+
+MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
+
+START, HELLO, STALL = 3.0, 3.0, 3.0  # the deadlines [s]
+
+# What a case may take beyond its deadline [s]: mpirun needs about 1.5 s to start and to kill, the rest is for a machine
+# on which others compute.
+MARGIN = 8.0
+
+
+@dataclass
+class Case:
+    """One run: programs of the mpirun line, and how it must end."""
+    name: str
+    programs: list                                  # each: list of arguments for link_actor, or ["!", program, ...]
+    codes: tuple                                    # exit codes of mpirun
+    deadline: float = 0.0                           # [s]
+    says: list = field(default_factory=list)        # regular expressions for stdout + stderr
+    failed: dict = field(default_factory=dict)      # entries of FAILED.toml; empty: not looked at
+    signal_all: bool = False                        # stop the whole job for a while
+
+
+COUPLER, FLUID, SOLID = ["--role=coupler"], ["--role=fluid"], ["--role=solid"]
+
+
+def coupled(*solid):
+    return [COUPLER, FLUID, SOLID + list(solid)]
+
+
+SILENT_SOLID = [r"error: 'solid' has sent nothing for 3 s\.  Last: FREE_VELOCITY #22 \(window 3, t = 0.0032 s\); "
+                r"expected FREE_VELOCITY of the participant \(window 3, exchange 2 of 5\)",
+                r"warning: 'solid' has sent nothing for 1\.5 s"]
+SILENT_SOLID_FILE = {"code": "36", "program": '"coupler"', "rank": "0", "time": "0.0032"}
+
+CASES = [
+    Case("well", coupled(), (0,), 2, [r"200 windows with 6 exchanges each"]),
+    Case("well, 2 + 2 ranks", [COUPLER, ["2", "--role=fluid"], ["2", "--role=solid"]], (0,), 3,
+         [r"200 windows with 6 exchanges each"]),
+    Case("well, coupler last", [SOLID, FLUID, COUPLER], (0,), 2, [r"200 windows with 6 exchanges each"]),
+    Case("alone", [["2", "--role=fluid", "--alone=yes"]], (0,), 0, [r"fluid runs alone"]),
+    Case("slow but alive", coupled("--behave=slow"), (0,), 6, [r"200 windows"]),
+    Case("whole job suspended", coupled("--behave=work"), (0,), 9, [r"200 windows"], signal_all=True),
+
+    # mpirun itself notices and kills the others; its own codes
+    Case("killed", coupled("--behave=killed"), (137,), 0, [r"rank 2 .*exited on signal 9"]),
+    Case("segfault", coupled("--behave=segfault"), (139,), 0, [r"rank 2 .*exited on signal 11"]),
+    Case("uncaught exception", coupled("--behave=throw"), (134,), 0, [r"rank 2 .*exited on signal 6"]),
+    Case("exit(0) without Finalize", coupled("--behave=exit0"), (1,), 0, [r"exiting improperly"]),
+    Case("exit(3) without Finalize", coupled("--behave=exit3"), (3,), 0, [r"Exit code: +3|exiting improperly"]),
+    Case("no such program", [COUPLER, FLUID, ["!", "/no/such/solid"]], (132, 134), 0, [r"/no/such/solid"]),
+
+    # 139: mpirun may crash in PMIx when one aborts while another sits in MPI_Finalize; FAILED.toml tells the truth
+    Case("early MPI_Finalize", coupled("--behave=finalize"), (36, 139), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
+    Case("stuck in a loop", coupled("--behave=loop"), (36,), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
+    Case("SIGSTOP", coupled("--behave=stopped"), (36,), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
+    Case("coupler stuck", [COUPLER + ["--behave=loop"], FLUID, SOLID], (36,), STALL,
+         [r"error: 'coupler' has sent nothing for 3 s"], {"code": "36"}),
+
+    Case("not an MPI program (sleep)", [COUPLER, FLUID, ["!", "sleep", "60"]], (31,), START,
+         [r"error: 'coupler' still waits in MPI_Init .*\n?.*at least one program on the mpirun line never called MPI_Init"]),
+    Case("not an MPI program (true)", [COUPLER, FLUID, ["!", "true"]], (31,), START,
+         [r"at least one program on the mpirun line never called MPI_Init"]),
+    Case("not an MPI program, first", [["!", "sleep", "60"], COUPLER, FLUID], (31,), START,
+         [r"at least one program on the mpirun line never called MPI_Init"]),
+    Case("foreign MPI program", coupled("--behave=foreign"), (32,), HELLO,
+         [r"error: no hello from world rank\(s\) 2 within 3 s"], {"code": "32", "program": '"coupler"'}),
+    Case("foreign MPI program, first", [["--behave=foreign"], COUPLER, FLUID], (32,), HELLO + 1,
+         [r"error: world rank 0 has not answered the hello"], {"code": "32"}),
+    Case("two foreign ranks", [COUPLER, FLUID, ["2", "--behave=foreign"]], (32,), HELLO,
+         [r"error: no hello from world rank\(s\) 2, 3 within 3 s"], {"code": "32"}),
+    Case("late for the hello", coupled("--behave=late"), (32,), HELLO, [r"no hello from world rank\(s\) 2"],
+         {"code": "32"}),
+    Case("protocol 2.0", coupled("--behave=future"), (33,), 0,
+         [r"error: 'solid' \(future 2.0, rank 2 on node7\) speaks protocol 2.0, 'coupler' \(actor 1, rank 0 on .*\) speaks 1.0"],
+         {"code": "33", "program": '"coupler"'}),
+    Case("protocol 2.0, first", [["--role=solid", "--behave=future"], COUPLER, FLUID], (32,), HELLO + 1,
+         [r"world rank 0 has not answered"], {"code": "32"}),
+    Case("another case", coupled("--hash=8"), (34,), 0, [r"error: 'solid' .* read another case than 'coupler'"],
+         {"code": "34", "program": '"coupler"'}),
+    Case("another case, judge is solid", [SOLID + ["--hash=8"], FLUID, COUPLER], (34,), 0,
+         [r"error: '(fluid|coupler)' .* read another case than 'solid'"], {"code": "34", "program": '"solid"'}),
+    Case("no solid", [COUPLER, FLUID], (35,), 0, [r"error: no program with role 'solid' \(found: coupler x1, fluid x1\)"],
+         {"code": "35", "program": '"coupler"'}),
+    Case("no coupler", [FLUID, SOLID], (35,), 0, [r"no program with role 'coupler' \(found: fluid x1, solid x1\)"],
+         {"code": "35", "program": '"fluid"'}),
+    Case("two couplers", [["2", "--role=coupler"], FLUID, SOLID], (35,), 0, [r"role 'coupler' is taken by 2 processes"],
+         {"code": "35"}),
+    Case("started alone", [SOLID], (35,), 0, [r"no program with role 'coupler' \(found: solid x1\)", r"started alone"],
+         {"code": "35"}),
+
+    Case("solid reports failure", coupled("--behave=fail"), (40,), 0,
+         [r"error: 'solid' failed \(exit code 10\): element 17 is inverted"],
+         {"code": "40", "program": '"coupler"', "step": "120", "time": "0.012"}),
+    Case("NaN", coupled("--behave=nan"), (37,), 0,
+         [r"error: FREE_VELOCITY #22 from 'solid': component 1 of node 2 of the MESH is nan, expected a finite number"],
+         {"code": "37", "program": '"coupler"'}),
+    Case("out of turn", coupled("--behave=early_report"), (37,), 0,
+         [r"error: READY cannot be sent to 'coupler' now, expected FREE_VELOCITY"], {"code": "37", "program": '"solid"'}),
+    Case("bad case before MPI_Init", coupled("--behave=bad_case"), (2,), 0, [r"error: case.toml:3:1: .*must be positive"],
+         {"code": "2", "program": '"solid"'}),
+]
+
+
+def mpirun_line(case, actor, out):
+    """One application context per program."""
+    line = list(MPIRUN)
+    for i, program in enumerate(case.programs):
+        count = "1"
+        if program[0].isdigit():
+            count, program = program[0], program[1:]
+        line += ([":"] if i else []) + ["-n", count]
+        if program[0] == "!":
+            line += program[1:]
+        else:
+            line += [actor, *program, f"--out={out}", f"--start={START}", f"--hello={HELLO}", f"--stall={STALL}"]
+    return line
+
+
+def descendants(root):
+    """Process ids of all living descendants of `root`, from /proc; zombies do not count."""
+    children = {}
+    for entry in os.listdir("/proc"):
+        if entry.isdigit():
+            try:
+                with open(f"/proc/{entry}/stat") as stat:
+                    state, parent = stat.read().rpartition(")")[2].split()[:2]
+            except OSError:
+                continue
+            if state not in "ZX":
+                children.setdefault(int(parent), []).append(int(entry))
+    found, front = [], [root]
+    while front:
+        front = [child for pid in front for child in children.get(pid, [])]
+        found += front
+    return found
+
+
+def alive(pid):
+    """True if the process exists and is no zombie."""
+    try:
+        with open(f"/proc/{pid}/stat") as stat:
+            return stat.read().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def read_failed(folder):
+    """Entries of FAILED.toml as text, {} if there is none."""
+    try:
+        with open(os.path.join(folder, "FAILED.toml")) as file:
+            pairs = (line.split(" = ", 1) for line in file if " = " in line)
+            return {key: value.strip() for key, value in pairs}
+    except FileNotFoundError:
+        return {}
+
+
+def suspend(root):
+    """Stop all processes of the job for longer than the stall limit, then let them go on."""
+    time.sleep(2.0)
+    pids = descendants(root)
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(STALL + 2.0)
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+
+
+def run(case, actor, verbose):
+    """Run one case; returns (seconds, exit code, list of complaints)."""
+    complaints = []
+    environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    limit = case.deadline + MARGIN
+    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryFile("w+") as log:
+        start = time.monotonic()
+        process = subprocess.Popen(mpirun_line(case, actor, out), stdin=subprocess.DEVNULL, stdout=log,
+                                   stderr=subprocess.STDOUT, env=environment, start_new_session=True)
+        if case.signal_all:
+            suspend(process.pid)
+        pids = set()
+        while process.poll() is None and time.monotonic() - start < limit:
+            pids.update(descendants(process.pid))
+            time.sleep(0.05)
+        seconds = time.monotonic() - start
+        code = process.poll()
+        if code is None:
+            complaints.append(f"still running after {seconds:.1f} s")
+            pids.update(descendants(process.pid))
+            for pid in pids:
+                if alive(pid):
+                    os.kill(pid, signal.SIGKILL)
+            process.kill()
+            process.wait()
+        elif code not in case.codes:
+            complaints.append(f"exit code {code}, expected {' or '.join(map(str, case.codes))}")
+        time.sleep(0.2)
+        left = [pid for pid in pids if alive(pid)]
+        if left:
+            complaints.append(f"processes {left} outlive mpirun")
+
+        log.seek(0)
+        text = log.read()
+        for pattern in case.says:
+            if not re.search(pattern, text):
+                complaints.append(f"the output does not say /{pattern}/")
+        errors = len(re.findall(r"^error: ", text, re.MULTILINE))
+        if case.failed and errors != 1:
+            complaints.append(f"{errors} programs printed an error, expected 1")
+        failed = read_failed(out)
+        if case.failed and not failed:
+            complaints.append("FAILED.toml is missing")
+        for key, value in case.failed.items():
+            if failed and failed.get(key) != value:
+                complaints.append(f"FAILED.toml has {key} = {failed.get(key)}, expected {value}")
+        leftovers = [name for name in os.listdir(out) if name != "FAILED.toml"]
+        if leftovers:
+            complaints.append(f"left behind: {leftovers}")
+        if verbose or complaints:
+            print(text)
+    return seconds, code, complaints
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--actor", required=True, help="the program link_actor")
+    parser.add_argument("--case", action="append", default=[], help="only cases whose name contains this (repeatable)")
+    parser.add_argument("--verbose", action="store_true", help="print what the programs print")
+    arguments = parser.parse_args()
+
+    chosen = [case for case in CASES if not arguments.case or any(part in case.name for part in arguments.case)]
+    rows, bad = [], 0
+    for case in chosen:
+        seconds, code, complaints = run(case, arguments.actor, arguments.verbose)
+        verdict = "ok" if not complaints else "; ".join(complaints)
+        rows.append(f"{case.name:32} {seconds:7.1f} {str(code):>5}  {verdict}")
+        print(rows[-1], flush=True)
+        bad += bool(complaints)
+    if bad:
+        print(f"{bad} of {len(chosen)} cases ended in another way than documented")
+    return 1 if bad or not chosen else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,565 @@
+// Both ends of the conversation over a memory channel: the good course, and every way to leave it.
+#include "common/coupling/link.hpp"
+
+#include "tests/link/samples.hpp"
+
+#include <catch2/catch.hpp>
+
+#include <chrono>
+#include <functional>
+#include <thread>
+
+using namespace samples;
+
+namespace
+{
+
+/// The partner of an end under test: says whatever it is told to, right or wrong.
+class Puppet
+{
+public:
+  explicit Puppet(std::unique_ptr<Channel> channel) : channel_(std::move(channel)) {}
+
+  void say(const Bytes& bytes) { channel_->send(bytes); }
+  template <class Fill>
+  void say(MessageType type, std::int64_t window, Fill&& fill)
+  {
+    say(message({.type = type, .sequence = ++sequence_, .window = window}, fill));
+  }
+  template <class Content>
+  void tell(MessageType type, const Content& content, std::int64_t window = -1)
+  {
+    say(type, window, [&](wire::Writer& out) { wire::write(out, content); });
+  }
+  void vector(MessageType type, const std::vector<double>& v, std::int64_t window)
+  {
+    say(type, window, [&](wire::Writer& out) { out.bytes(v.data(), v.size() * sizeof(double)); });
+  }
+  void empty(MessageType type, std::int64_t window = -1)
+  {
+    say(type, window, [](wire::Writer&) {});
+  }
+  MessageType hear()
+  {
+    channel_->receive(heard_);
+    return wire::open(heard_, "the end under test", [] { return std::string("anything"); }).type;
+  }
+  void skip_numbers(std::uint64_t n) { sequence_ += n; }
+  std::span<const std::byte> payload() const { return wire::payload(heard_); }
+
+private:
+  std::unique_ptr<Channel> channel_;
+  Bytes heard_;
+  std::uint64_t sequence_ = 0;
+};
+
+SurfaceMesh small_mesh()
+{
+  SurfaceMesh m = mesh();
+  m.epoch = 0;
+  return m;
+}
+
+Report quiet_report()
+{
+  Report r = report();
+  r.surface_changed = false;
+  return r;
+}
+
+const std::vector<double> values{0.5, -1.0, 2.5, 3.0, 1.0, 4.0}; // 3 nodes, 2 components
+const Kinematics moving{.v = values, .a_free = values};
+const Activation push{.impulse = values, .link_force = values};
+
+Window first_window(bool activate)
+{
+  return {.index = 0, .t_begin = 0.5, .t_end = 0.75, .steps = 2, .fine = true, .activate = activate};
+}
+
+/// The coupler's end, led by a puppet solver to a state; `call` then receives what the state expects.
+struct CouplerState
+{
+  const char* expected;
+  std::function<void(PartnerLink&, Puppet&)> lead;
+  std::function<void(PartnerLink&)> call;
+};
+
+std::vector<CouplerState> coupler_states()
+{
+  const auto to_mesh = [](PartnerLink& link, Puppet&) { link.send_setup(setup()); };
+  const auto to_report = [=](PartnerLink& link, Puppet& solver)
+  {
+    to_mesh(link, solver);
+    solver.tell(MessageType::mesh, small_mesh());
+    link.receive_mesh();
+    link.accept_mesh();
+  };
+  const auto to_update = [=](PartnerLink& link, Puppet& solver)
+  {
+    to_report(link, solver);
+    solver.tell(MessageType::ready, report());
+    link.receive_report();
+  };
+  const auto to_window = [=](PartnerLink& link, Puppet& solver)
+  {
+    to_report(link, solver);
+    solver.tell(MessageType::ready, quiet_report());
+    link.receive_report();
+  };
+  const auto to_kinematics = [=](PartnerLink& link, Puppet& solver)
+  {
+    to_window(link, solver);
+    link.send_window(first_window(true));
+  };
+  const auto to_velocity = [=](PartnerLink& link, Puppet& solver)
+  {
+    to_window(link, solver);
+    link.send_window(first_window(false));
+  };
+  return {{"MESH ", to_mesh, [](PartnerLink& link) { link.receive_mesh(); }},
+          {"READY", to_report, [](PartnerLink& link) { link.receive_report(); }},
+          {"MESH_UPDATE", to_update, [](PartnerLink& link) { link.receive_mesh_update(); }},
+          {"KINEMATICS", to_kinematics, [](PartnerLink& link) { link.receive_kinematics(); }},
+          {"FREE_VELOCITY", to_velocity,
+           [](PartnerLink& link)
+           {
+             std::vector<double> v(values.size());
+             link.receive_free_velocity(v);
+           }},
+          {"BYE_ACK", to_window, [](PartnerLink& link) { link.send_bye(); }}};
+}
+
+struct SolverState
+{
+  const char* expected;
+  std::function<void(SolverLink&, Puppet&)> lead;
+  std::function<void(SolverLink&)> call;
+};
+
+std::vector<SolverState> solver_states()
+{
+  const auto to_reply = [](SolverLink& link, Puppet& coupler)
+  {
+    coupler.tell(MessageType::setup, setup());
+    link.receive_setup();
+  };
+  const auto to_window = [=](SolverLink& link, Puppet& coupler)
+  {
+    to_reply(link, coupler);
+    coupler.tell(MessageType::mesh_reply, wire::MeshReply{});
+    link.send_mesh(small_mesh());
+    link.send_report(quiet_report());
+  };
+  const auto to_activation = [=](SolverLink& link, Puppet& coupler)
+  {
+    to_window(link, coupler);
+    coupler.tell(MessageType::window, first_window(true));
+    link.next_window();
+    link.send_kinematics(moving);
+  };
+  const auto to_force = [=](SolverLink& link, Puppet& coupler)
+  {
+    to_window(link, coupler);
+    coupler.tell(MessageType::window, first_window(false));
+    link.next_window();
+    link.send_free_velocity(values);
+  };
+  return {{"SETUP", [](SolverLink&, Puppet&) {}, [](SolverLink& link) { link.receive_setup(); }},
+          {"MESH_REPLY", to_reply, [](SolverLink& link) { link.send_mesh(small_mesh()); }},
+          {"WINDOW or BYE", to_window, [](SolverLink& link) { link.next_window(); }},
+          {"ACTIVATION_IMPULSE", to_activation, [](SolverLink& link) { link.receive_activation(); }},
+          {"LINK_FORCE", to_force,
+           [](SolverLink& link)
+           {
+             std::vector<double> f(values.size());
+             link.receive_link_force(f);
+           }}};
+}
+
+constexpr MessageType all_types[] = {
+    MessageType::setup,           MessageType::mesh,         MessageType::mesh_reply,
+    MessageType::ready,           MessageType::window,       MessageType::free_velocity,
+    MessageType::link_force,      MessageType::mesh_update,  MessageType::checkpoint,
+    MessageType::checkpoint_done, MessageType::stop_request, MessageType::bye,
+    MessageType::bye_ack,         MessageType::kinematics,   MessageType::activation_impulse,
+    MessageType::surface};
+
+} // namespace
+
+TEST_CASE("a whole conversation: what one end sends is what the other receives", "[link][unit]")
+{
+  auto [for_solver, for_coupler] = memory_channel();
+  const int windows = 40;
+  const int m = 5;
+  std::string trouble;
+
+  std::thread solver(
+      [&, channel = std::move(for_solver)]() mutable
+      {
+        try
+        {
+          SolverLink link(std::move(channel));
+          if (payload_of(link.receive_setup()) != payload_of(setup()))
+            trouble = "setup";
+          SurfaceMesh m0 = small_mesh();
+          link.send_mesh(m0);
+          link.send_report(quiet_report());
+          std::vector<double> v = values;
+          std::vector<double> f(v.size());
+          for (int k = 0; const auto w = link.next_window(); ++k)
+          {
+            if (w->index != k || w->last != (k + 1 == windows))
+              trouble = "window";
+            if (w->activate)
+            {
+              link.send_kinematics(moving);
+              if (payload_of(link.receive_activation()) != payload_of(push))
+                trouble = "activation";
+            }
+            for (int j = 0; j < (w->fine ? w->steps : 1); ++j)
+            {
+              v[0] = k + 0.01 * j;
+              link.send_free_velocity(v);
+              link.ping();
+              link.receive_link_force(f);
+              if (f[0] != 2.0 * v[0])
+                trouble = "force";
+            }
+            if (k == 20)
+              link.send_stop_request("SIGTERM");
+            Report r = quiet_report();
+            r.steps = k;
+            r.surface_changed = k % 7 == 3;
+            link.send_report(r);
+            if (r.surface_changed)
+            {
+              ++m0.epoch;
+              link.send_mesh_update(m0);
+            }
+          }
+        }
+        catch (const std::exception& error)
+        {
+          trouble = error.what();
+        }
+      });
+
+  PartnerLink link(std::move(for_coupler), "solid");
+  CHECK(link.role() == "solid");
+  link.send_setup(setup());
+  CHECK(payload_of(link.receive_mesh()) == payload_of(small_mesh()));
+  link.accept_mesh();
+  CHECK(payload_of(link.receive_report()) == payload_of(quiet_report()));
+  std::vector<double> v(values.size());
+  for (int k = 0; k < windows; ++k)
+  {
+    const Window w{.index = k,
+                   .t_begin = 0.5 + 0.25 * k,
+                   .t_end = 0.75 + 0.25 * k,
+                   .steps = m,
+                   .fine = k % 3 != 0,
+                   .activate = k % 10 == 0,
+                   .last = k + 1 == windows};
+    link.send_window(w);
+    if (w.activate)
+    {
+      CHECK(payload_of(link.receive_kinematics()) == payload_of(moving));
+      link.send_activation(push);
+    }
+    for (int j = 0; j < (w.fine ? m : 1); ++j)
+    {
+      link.receive_free_velocity(v);
+      CHECK(v[0] == k + 0.01 * j);
+      v[0] *= 2.0;
+      link.send_link_force(v);
+    }
+    const Report r = link.receive_report();
+    CHECK(r.steps == k);
+    CHECK(r.surface_changed == (k % 7 == 3));
+    if (r.surface_changed)
+      link.receive_mesh_update();
+    CHECK(link.stop_requested() == (k >= 20));
+  }
+  link.send_bye();
+  solver.join();
+  CHECK(trouble == "");
+  CHECK(link.stop_reason() == "SIGTERM");
+  CHECK(link.wait_seconds() > 0.0);
+}
+
+TEST_CASE("the coupler refuses every message that the state does not allow, and names both", "[link][unit]")
+{
+  for (const CouplerState& state : coupler_states())
+    for (const MessageType type : all_types)
+    {
+      if (type == MessageType::stop_request ||
+          std::string(state.expected).starts_with(std::string(name_of(type)) + " ") ||
+          state.expected == std::string(name_of(type)))
+        continue;
+      INFO(state.expected << "instead of " << name_of(type));
+      auto [ours, theirs] = memory_channel(5.0);
+      PartnerLink link(std::move(ours), "solid");
+      Puppet solver(std::move(theirs));
+      state.lead(link, solver);
+      solver.empty(type);
+      const ProtocolError error = error_of([&] { state.call(link); });
+      CHECK(error.code() == 37);
+      CHECK(mentions(error, {"'solid' sent", name_of(type), "expected", state.expected}));
+    }
+}
+
+TEST_CASE("a solver refuses every message that the state does not allow, and names both", "[link][unit]")
+{
+  for (const SolverState& state : solver_states())
+    for (const MessageType type : all_types)
+    {
+      if (std::string(state.expected).find(name_of(type)) != std::string::npos &&
+          !(type == MessageType::mesh && state.expected == std::string("MESH_REPLY")))
+        continue;
+      INFO(state.expected << " instead of " << name_of(type));
+      auto [ours, theirs] = memory_channel(5.0);
+      SolverLink link(std::move(ours));
+      Puppet coupler(std::move(theirs));
+      state.lead(link, coupler);
+      coupler.empty(type);
+      const ProtocolError error = error_of([&] { state.call(link); });
+      CHECK(error.code() == 37);
+      CHECK(mentions(error, {"'coupler' sent", name_of(type), "expected", state.expected}));
+    }
+}
+
+TEST_CASE("an unknown type is refused by number", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(5.0);
+  SolverLink link(std::move(ours));
+  Puppet coupler(std::move(theirs));
+  coupler.empty(static_cast<MessageType>(99));
+  const ProtocolError error = error_of([&] { link.receive_setup(); });
+  CHECK(error.code() == 37);
+  CHECK(mentions(error, {"unknown type 99", "expected SETUP"}));
+}
+
+TEST_CASE("FAIL of the partner ends the conversation in every state, with its own words", "[link][unit]")
+{
+  for (const CouplerState& state : coupler_states())
+  {
+    auto [ours, theirs] = memory_channel(5.0);
+    PartnerLink link(std::move(ours), "solid");
+    Puppet solver(std::move(theirs));
+    state.lead(link, solver);
+    solver.tell(MessageType::fail, failed());
+    const ProtocolError error = error_of([&] { state.call(link); });
+    CHECK(error.code() == 40);
+    CHECK(mentions(error, {"'solid' failed (exit code 10): element 17 is inverted"}));
+  }
+  for (const SolverState& state : solver_states())
+  {
+    auto [ours, theirs] = memory_channel(5.0);
+    SolverLink link(std::move(ours));
+    Puppet coupler(std::move(theirs));
+    state.lead(link, coupler);
+    coupler.tell(MessageType::fail, failed());
+    const ProtocolError error = error_of([&] { state.call(link); });
+    CHECK(error.code() == 40);
+    CHECK(mentions(error, {"'coupler' failed (exit code 10): element 17 is inverted"}));
+  }
+}
+
+TEST_CASE("a link says its last word through send_failure", "[link][unit]")
+{
+  auto [a, b] = memory_channel(5.0);
+  SolverLink solver(std::move(a));
+  PartnerLink coupler(std::move(b), "fluid");
+  coupler.send_setup(setup());
+  solver.receive_setup();
+  solver.send_failure(10, "time step below its limit in element 5");
+  const ProtocolError error = error_of([&] { coupler.receive_mesh(); });
+  CHECK(error.code() == 40);
+  CHECK(mentions(error, {"'fluid' failed (exit code 10): time step below its limit in element 5"}));
+}
+
+TEST_CASE("a message number that is left out or repeated is refused", "[link][unit]")
+{
+  const int skip = GENERATE(1, -1);
+  auto [ours, theirs] = memory_channel(5.0);
+  PartnerLink link(std::move(ours), "solid");
+  Puppet solver(std::move(theirs));
+  link.send_setup(setup());
+  solver.tell(MessageType::mesh, small_mesh());
+  link.receive_mesh();
+  link.accept_mesh();
+  solver.skip_numbers(std::uint64_t(skip)); // -1 wraps to "the same again"
+  solver.tell(MessageType::ready, quiet_report());
+  const ProtocolError error = error_of([&] { link.receive_report(); });
+  CHECK(error.code() == 37);
+  CHECK(mentions(error, {skip == 1 ? "READY #3" : "READY #1", "expected number 2"}));
+}
+
+TEST_CASE("a message of another window is refused", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(5.0);
+  PartnerLink link(std::move(ours), "solid");
+  Puppet solver(std::move(theirs));
+  coupler_states()[4].lead(link, solver);
+  solver.vector(MessageType::free_velocity, values, 7);
+  std::vector<double> v(values.size());
+  const ProtocolError error = error_of([&] { link.receive_free_velocity(v); });
+  CHECK(error.code() == 37);
+  CHECK(mentions(error, {"FREE_VELOCITY", "of window 7", "expected window 0"}));
+}
+
+TEST_CASE("a vector of the wrong length or with NaN is refused with place and time", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(5.0);
+  PartnerLink link(std::move(ours), "solid");
+  Puppet solver(std::move(theirs));
+  coupler_states()[4].lead(link, solver);
+  std::vector<double> v(values.size());
+  SECTION("short")
+  {
+    solver.vector(MessageType::free_velocity, {1.0, 2.0}, 0);
+    const ProtocolError error = error_of([&] { link.receive_free_velocity(v); });
+    CHECK(error.code() == 37);
+    CHECK(mentions(error, {"FREE_VELOCITY #3 from 'solid'", "16 bytes", "expected 48 bytes (3 nodes"}));
+  }
+  SECTION("NaN")
+  {
+    std::vector<double> bad = values;
+    bad[3] = std::nan("");
+    solver.vector(MessageType::free_velocity, bad, 0);
+    const ProtocolError error = error_of([&] { link.receive_free_velocity(v); });
+    CHECK(error.code() == 37);
+    CHECK(mentions(error, {"FREE_VELOCITY #3 from 'solid'", "component 1 of node 1", "nan", "finite"}));
+  }
+  SECTION("the receiver's own vector has the wrong length")
+  {
+    std::vector<double> small(2);
+    solver.vector(MessageType::free_velocity, values, 0);
+    CHECK(error_of([&] { link.receive_free_velocity(small); }).code() == 1);
+  }
+}
+
+TEST_CASE("a rejected surface ends the solver with the coupler's reason", "[link][unit]")
+{
+  auto [a, b] = memory_channel(5.0);
+  std::thread coupler(
+      [channel = std::move(b)]() mutable
+      {
+        PartnerLink link(std::move(channel), "fluid");
+        link.send_setup(setup());
+        link.receive_mesh();
+        link.reject_mesh("only 71 % of the fluid side finds a solid face");
+      });
+  SolverLink solver(std::move(a));
+  solver.receive_setup();
+  const ProtocolError error = error_of([&] { solver.send_mesh(small_mesh()); });
+  coupler.join();
+  CHECK(error.code() == 4);
+  CHECK(mentions(error, {"rejected", "only 71 % of the fluid side"}));
+}
+
+TEST_CASE("a surface of another dimension or an old epoch is refused", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(5.0);
+  PartnerLink link(std::move(ours), "solid");
+  Puppet solver(std::move(theirs));
+  SECTION("dimension")
+  {
+    Setup three = setup();
+    three.dim = 3;
+    link.send_setup(three);
+    solver.tell(MessageType::mesh, small_mesh());
+    const ProtocolError error = error_of([&] { link.receive_mesh(); });
+    CHECK(error.code() == 37);
+    CHECK(mentions(error, {"MESH #1 from 'solid'", "dim is 2", "expected 3"}));
+  }
+  SECTION("epoch")
+  {
+    coupler_states()[2].lead(link, solver);
+    solver.tell(MessageType::mesh_update, small_mesh());
+    const ProtocolError error = error_of([&] { link.receive_mesh_update(); });
+    CHECK(error.code() == 37);
+    CHECK(mentions(error, {"MESH_UPDATE #3", "epoch is 0", "more than 0"}));
+  }
+}
+
+TEST_CASE("this program's own mistakes are told apart from the partner's", "[link][unit]")
+{
+  auto [a, b] = memory_channel(5.0);
+  SolverLink solver(std::move(a));
+  PartnerLink coupler(std::move(b), "fluid");
+  // out of turn: nothing is sent
+  CHECK(
+      mentions(error_of([&] { solver.send_report(report()); }), {"READY cannot be sent", "expected SETUP"}));
+  CHECK(mentions(error_of([&] { coupler.send_window(window()); }),
+                 {"WINDOW cannot be sent", "expected SETUP"}));
+  // waiting for what cannot come: no dead-lock
+  CHECK(error_of([&] { solver.next_window(); }).code() == 1);
+  CHECK(error_of([&] { coupler.receive_report(); }).code() == 1);
+  CHECK(error_of([&] { PartnerLink(nullptr, "fluid"); }).code() == 1);
+  // the conversation is unharmed
+  coupler.send_setup(setup());
+  CHECK(solver.receive_setup().scheme == "gc");
+}
+
+TEST_CASE("a silent partner is named after the stall limit, with its last message", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(0.1);
+  PartnerLink link(std::move(ours), "solid");
+  Puppet solver(std::move(theirs));
+  link.send_setup(setup());
+  solver.tell(MessageType::mesh, small_mesh());
+  link.receive_mesh();
+  link.accept_mesh();
+  const ProtocolError error = error_of([&] { link.receive_report(); });
+  CHECK(error.code() == 36);
+  CHECK(mentions(error, {"'solid' has sent nothing for 0.1 s", "Last: MESH #1", "expected READY"}));
+}
+
+TEST_CASE("a partner that pings may take longer than the stall limit", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(0.5);
+  PartnerLink link(std::move(ours), "solid");
+  link.send_setup(setup());
+  std::thread solver(
+      [channel = std::move(theirs)]() mutable
+      {
+        Puppet puppet(std::move(channel));
+        for (int i = 0; i < 10; ++i) // 1 s in all
+        {
+          std::this_thread::sleep_for(std::chrono::milliseconds(100));
+          puppet.empty(MessageType::ping);
+        }
+        puppet.tell(MessageType::mesh, small_mesh());
+      });
+  CHECK(link.receive_mesh().n_nodes() == 3);
+  CHECK(link.wait_seconds() > 0.9);
+  solver.join();
+}
+
+TEST_CASE("pings are sent four times a second at most", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(0.1);
+  SolverLink link(std::move(ours));
+  Puppet coupler(std::move(theirs));
+  for (int i = 0; i < 1000; ++i)
+    link.ping();
+  CHECK(coupler.hear() == MessageType::ping);
+  CHECK(error_of([&] { coupler.hear(); }).code() == 36); // no second one
+}
+
+TEST_CASE("an end that is gone is noticed at once, after what it still said", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(0.0); // no stall limit: only the closed end can end the wait
+  PartnerLink link(std::move(ours), "solid");
+  link.send_setup(setup());
+  {
+    Puppet solver(std::move(theirs));
+    solver.tell(MessageType::mesh, small_mesh());
+  }
+  CHECK(link.receive_mesh().n_nodes() == 3);
+  link.accept_mesh(); // nobody hears it; not an error of this end
+  const ProtocolError error = error_of([&] { link.receive_report(); });
+  CHECK(error.code() == 36);
+  CHECK(mentions(error, {"closed", "'solid'", "Last: MESH #1"}));
+}
