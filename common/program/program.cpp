@@ -74,6 +74,8 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
     }
     if (!line.check_only && !line.document_keys)
       out_dir = line.out_dir;
+    if (!out_dir.empty() && world_rank() == 0)
+      std::remove((out_dir + "/FAILED.toml").c_str()); // of an earlier run
     CaseFile file = CaseFile::read(line.case_path, line.overrides);
     const RunConfig run = read_run_config(file);
     Launch launch{.role = role,

@@ -1,0 +1,103 @@
+"""Compare histories with the references that a case names in its [[reference]] tables.
+
+A reference: name, history and column (of our CSV), file, time and value (columns of the reference CSV), measure, tolerance, and
+optionally `when` ("table.key = value": only for that variant), `add` (another "file:column" added to the reference), `label`.
+"""
+import csv
+
+import numpy as np
+
+from . import case as case_file
+
+
+def read_csv(path):
+    """Columns of a CSV with comment lines, as {name: array}."""
+    with open(path, newline="") as stream:
+        rows = list(csv.reader(line for line in stream if not line.startswith("#")))
+    table = np.array([[float(x) if x else np.nan for x in row] for row in rows[1:] if len(row) == len(rows[0])])
+    return {name: table[:, k] for k, name in enumerate(rows[0])}
+
+
+def applies(reference, settings):
+    when = reference.get("when")
+    if not when:
+        return True
+    key, _, value = (part.strip() for part in when.partition("="))
+    return str(case_file.value_of(settings, key)) == value
+
+
+def reference_curve(case, reference):
+    table = read_csv(case.parent / reference["file"])
+    t, y = table[reference["time"]], table[reference["value"]].copy()
+    for term in reference.get("add", []):
+        file, column, sign = term["file"], term["value"], term.get("factor", 1.0)
+        other = read_csv(case.parent / file)
+        y += sign * np.interp(t, other[term["time"]], other[column])
+    return t, y
+
+
+def our_curve(out, reference):
+    table = read_csv(out / "history" / f"{reference['history']}.csv")
+    return table["t[s]"], table[reference["column"]]
+
+
+def minima(t, y):
+    """Times of the minima below the mean, by a parabola through three points."""
+    found = []
+    for k in range(1, len(y) - 1):
+        if y[k] <= y[k - 1] and y[k] < y[k + 1] and y[k] < np.mean(y):
+            dl, dr = t[k] - t[k - 1], t[k + 1] - t[k]
+            slope_l, slope_r = (y[k] - y[k - 1]) / dl, (y[k + 1] - y[k]) / dr
+            curvature = (slope_r - slope_l) / (0.5 * (dl + dr))
+            found.append(t[k] - (slope_l * dr + slope_r * dl) / (dl + dr) / curvature)
+    merged = []
+    for time in found:  # ripples of one minimum
+        if not merged or time - merged[-1] > 0.25 * (t[-1] - t[0]) / max(1, len(found)):
+            merged.append(time)
+    return merged
+
+
+def period(t, y):
+    m = minima(t, y)
+    return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
+
+
+def measure(kind, t, y, t_ref, y_ref):
+    """(value, reference value, error) of one comparison."""
+    end = min(t[-1], t_ref[-1])
+    if kind == "relative_L2":
+        inside = (t >= t_ref[0]) & (t <= end)
+        dt = np.gradient(t[inside])
+        target = np.interp(t[inside], t_ref, y_ref)
+        scale = np.sqrt(np.sum(dt * target**2))
+        error = np.sqrt(np.sum(dt * (y[inside] - target) ** 2)) / scale
+        return error, 0.0, error
+    if kind == "period_of_minima":
+        keep = t_ref <= end
+        value, target = period(t, y), period(t_ref[keep], y_ref[keep])
+        return value, target, abs(value / target - 1.0)
+    raise ValueError(f"unknown measure '{kind}'; known: relative_L2, period_of_minima")
+
+
+def compare_all(case, settings, out):
+    results = []
+    for reference in settings.get("reference", []):
+        if not applies(reference, settings):
+            continue
+        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference))
+        results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
+                        "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"])})
+    return results
+
+
+def print_table(summary, out):
+    parts = [f"{summary.get('status')}: t = {summary.get('t_end', float('nan')):.6g} s in {summary['wall_s']:.3g} s"]
+    if "windows" in summary:
+        parts.append(f"{summary['windows']} windows of up to {summary['substeps']} sub-steps")
+    print(", ".join(parts))
+    for key, value in summary.get("conservation", {}).items():
+        if isinstance(value, (int, float)):
+            print(f"  {key:24s} {value: .3e}")
+    for c in summary["comparisons"]:
+        print(f"  {c['name']:24s} {c['measure']:18s} error {c['error']:.3e}  tolerance {c['tolerance']:.1e}  {'pass' if c['pass'] else 'FAIL'}")
+    print(f"output: {out}")

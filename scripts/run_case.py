@@ -1,0 +1,127 @@
+#!/usr/bin/env python3
+"""Run a case: build the mpirun line, run it, compare with the references, draw plots, write summary.json.
+
+    scripts/run cases/elastic_column --set run.resolution=20 --out runs/coarse
+"""
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lib import case as case_file  # noqa: E402
+from lib import compare  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def parse_arguments():
+    p = argparse.ArgumentParser(prog="scripts/run", description="Run a case of Undine, draw its plots, print a summary.",
+                                epilog="example: scripts/run cases/elastic_column --set run.resolution=20")
+    p.add_argument("case", help="folder under cases/, or a case.toml")
+    p.add_argument("--out", help="output folder (default: runs/<case>)")
+    p.add_argument("--ranks", default="", metavar="fluid=N,solid=M,coupler=1", help="MPI ranks of each program (default 1)")
+    p.add_argument("--set", action="append", default=[], metavar="table.key=value", help="override a key of the case (repeatable)")
+    p.add_argument("--until", metavar="T", help="end time in seconds instead of run.t_end")
+    p.add_argument("--check", action="store_true", help="read and validate everything, estimate, do not run")
+    p.add_argument("--no-plots", action="store_true", help="no PNG files")
+    p.add_argument("--verbose", action="store_true", help="programs say more in their logs")
+    p.add_argument("--build", default="release", help=argparse.SUPPRESS)
+    return p.parse_args()
+
+
+def find_case(name):
+    path = Path(name)
+    for candidate in (path, path / "case.toml", ROOT / "cases" / name / "case.toml"):
+        if candidate.is_file():
+            return candidate
+    known = sorted(p.parent.name for p in (ROOT / "cases").glob("*/case.toml"))
+    sys.exit(f"error: no case '{name}': neither a case.toml, nor a folder with one. Cases here: {' '.join(known)}")
+
+
+def ranks_of(text, programs):
+    ranks = {p: 1 for p in programs}
+    for part in filter(None, text.split(",")):
+        name, _, number = part.partition("=")
+        if name not in ranks or not number.isdigit() or int(number) < 1:
+            sys.exit(f"error: --ranks {part}: write program=number with a program of this case ({', '.join(programs)})")
+        ranks[name] = int(number)
+    return ranks
+
+
+def mpirun_line(args, case, programs, ranks, out):
+    """The command line, as a list. One program on one rank needs no mpirun."""
+    executable = {"coupler": "coupler", "fluid": "fluid_pfem", "solid": "solid_fe"}
+    common = [str(case), "--out", str(out)]
+    for override in args.set:
+        common += ["--set", override]
+    if args.until:
+        common += ["--until", args.until]
+    common += ["--check"] * args.check + ["--verbose"] * args.verbose
+    lines = [[str(ROOT / "build" / args.build / "bin" / executable[p])] + common for p in programs]
+    if args.check:
+        return lines
+    if len(programs) == 1 and ranks[programs[0]] == 1:
+        return [lines[0]]
+    line = ["mpirun"]
+    if sum(ranks.values()) > (os.cpu_count() or 1):
+        line += ["--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
+    for k, (p, command) in enumerate(zip(programs, lines)):
+        line += ([":"] if k else []) + ["-n", str(ranks[p])] + command
+    return [line]
+
+
+def main():
+    args = parse_arguments()
+    case = find_case(args.case)
+    out = Path(args.out) if args.out else ROOT / "runs" / case.resolve().parent.name
+    settings = case_file.load(case, args.set)
+    programs = [p for p in ("coupler", "fluid", "solid")
+                if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
+    if not programs:
+        sys.exit(f"error: {case}: the case has neither [fluid] nor [solid]")
+    ranks = ranks_of(args.ranks, programs)
+    environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+
+    if not args.check:
+        out.mkdir(parents=True, exist_ok=True)
+        for old in list(out.glob("*.json")) + [out / "FAILED.toml"]:
+            old.unlink(missing_ok=True)
+        for old in ("history", "plots"):
+            shutil.rmtree(out / old, ignore_errors=True)
+
+    begin = time.monotonic()
+    code = 0
+    for line in mpirun_line(args, case, programs, ranks, out):
+        if not args.check:
+            print(" ".join(line), flush=True)
+        code = subprocess.run(line, env=environment).returncode or code
+    if args.check:
+        if code == 0:
+            would = argparse.Namespace(**{**vars(args), "check": False})
+            print("would run: " + " ".join(mpirun_line(would, case, programs, ranks, out)[0]))
+        return 0 if code == 0 else (code if code in (2, 4) else 20)
+
+    summary = {"status": "completed" if code == 0 else "failed", "exit_code": code, "wall_s": time.monotonic() - begin}
+    for program in programs:
+        part = out / f"{program}.json"
+        if part.is_file():
+            summary.update({k: v for k, v in json.loads(part.read_text()).items() if k not in ("wall_s",)})
+    summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    if code != 0:
+        print(f"error: the run failed with exit code {code}; see {out}/*.log and {out}/FAILED.toml", file=sys.stderr)
+        return code if code > 0 else 128 - code
+    if not args.no_plots:
+        from lib import plots
+        plots.draw_all(case, settings, out)
+    compare.print_table(summary, out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
