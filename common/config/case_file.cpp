@@ -219,8 +219,50 @@ std::string syntax_diagnostic(const std::string& path, const std::string& messag
   return diagnostic(path, place, summary);
 }
 
+/// Bytes of the UTF-8 character that begins `text`; 0 if it begins with none (RFC 3629).
+std::size_t utf8_length(std::string_view text)
+{
+  const auto byte = [&text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned char lead = byte(0);
+  const std::size_t length = lead < 0x80   ? 1
+                             : lead < 0xC2 ? 0
+                             : lead < 0xE0 ? 2
+                             : lead < 0xF0 ? 3
+                             : lead < 0xF5 ? 4
+                                           : 0;
+  if (length > text.size())
+    return 0;
+  for (std::size_t i = 1; i < length; ++i)
+    if ((byte(i) & 0xC0) != 0x80)
+      return 0;
+  const bool too_long = (lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xF0 && byte(1) < 0x90);
+  const bool out_of_range = (lead == 0xED && byte(1) >= 0xA0) || (lead == 0xF4 && byte(1) >= 0x90);
+  return too_long || out_of_range ? 0 : length;
+}
+
+/// toml11 3.7.1 reads out of bounds where a text is not UTF-8 (a file saved as Latin-1): refuse it before.
+void require_utf8(const std::string& text, const std::string& path)
+{
+  std::size_t line = 1, line_begin = 0;
+  for (std::size_t i = 0; i < text.size();)
+  {
+    const std::size_t length = utf8_length(std::string_view(text).substr(i));
+    if (length == 0)
+      throw InputError(
+          fmt::format("{}:{}:{}: not valid UTF-8: save the file in this encoding", path, line,
+                      count_characters(std::string_view(text).substr(line_begin, i - line_begin)) + 1));
+    if (text[i] == '\n')
+    {
+      ++line;
+      line_begin = i + 1;
+    }
+    i += length;
+  }
+}
+
 toml::value parse_toml(const std::string& text, const std::string& path)
 {
+  require_utf8(text, path);
   std::istringstream stream(text);
   return toml::parse(stream, path);
 }
@@ -920,6 +962,10 @@ CaseFile CaseFile::parse(const std::string& text, const std::string& path,
   try
   {
     document->root = convert(parse_toml(text, path));
+  }
+  catch (const InputError&)
+  {
+    throw;
   }
   catch (const toml::exception& error)
   {

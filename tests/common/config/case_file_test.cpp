@@ -210,6 +210,16 @@ TEST_CASE("text that is not TOML is reported with line and caret", "[common][uni
         "         ^");
 }
 
+TEST_CASE("a file in another encoding is refused with its place", "[common][unit]")
+{
+  CHECK(error_of([] { parse("[run]\nnote = \"ρ\" # ok\nname = \"Rh\xF4ne\"\n"); }) ==
+        "cases/a/case.toml:3:11: not valid UTF-8: save the file in this encoding");
+  for (const std::string bad : {"\xC0\xAF", "\xE0\x80\xAF", "\xED\xA0\x80", "\xF5\x80\x80\x80", "\xE2\x82"})
+    CHECK(error_of([&bad] { parse("# " + bad); }) != "");
+  for (const std::string good : {"é", "€", "𝜆", "\xF4\x8F\xBF\xBF"})
+    CHECK(error_of([&good] { parse("# " + good); }) == "");
+}
+
 TEST_CASE("only schema 1 is accepted", "[common][unit]")
 {
   CHECK_NOTHROW(parse("schema = 1"));
