@@ -439,6 +439,37 @@ void write_failed(const std::string& out_dir, int code, const std::string& role,
   unlink(temporary.c_str());
 }
 
+/// Role of this process, for finalize_guard().
+std::string& own_role()
+{
+  static std::string role;
+  return role;
+}
+
+/// Runs first of all in MPI_Finalize. A program that comes here in the middle of the run would wait in
+/// MPI_Finalize for the others, and the others for it: it says FAIL instead and waits to be ended. (That
+/// mpirun of Open MPI 4.1.4 now and then crashes or hangs when one program aborts while another sits in
+/// MPI_Finalize is one more reason not to go on.)
+int finalize_guard(MPI_Comm, int, void*, void*)
+{
+  const std::string reason = "it called MPI_Finalize before the coupled run had ended";
+  if (MpiChannel::say_farewells(reason) || failure_announced)
+    abort_world(code::internal_error, own_role(), "'" + own_role() + "': " + reason, "");
+  return MPI_SUCCESS;
+}
+
+void guard_finalize()
+{
+  static bool guarded = false;
+  if (guarded)
+    return;
+  guarded = true;
+  int key = MPI_KEYVAL_INVALID;
+  MPI_Comm_create_keyval(MPI_COMM_NULL_COPY_FN, finalize_guard, &key, nullptr);
+  MPI_Comm_set_attr(MPI_COMM_SELF, key, nullptr);
+  MPI_Comm_free_keyval(&key); // lives on until the attribute is deleted
+}
+
 } // namespace
 
 void arm_start_timer(const std::string& role, double seconds)
@@ -562,6 +593,9 @@ World World::connect(const Identity& identity, const Deadlines& deadlines)
     partners = {"coupler"};
   state->coupled = !partners.empty();
   state->make_communicators(partners);
+
+  own_role() = identity.role;
+  guard_finalize();
 
   // In the run the coupler speaks first: it hears of every error.
   if (state->coupled)

@@ -43,7 +43,21 @@ public:
   /// Words for the warning at half the stall limit and for the error at its end.
   void describe_waiting(Description description) { description_ = std::move(description); }
 
+  /// What to say when the program leaves while the conversation is in progress; an empty function once it is
+  /// over.
+  using Farewell = std::function<void(const std::string& reason)>;
+  void on_early_end(Farewell farewell) { farewell_ = std::move(farewell); }
+
 protected:
+  /// Calls what on_early_end was given, once. Returns whether there was something to say.
+  bool say_farewell(const std::string& reason)
+  {
+    const Farewell farewell = std::exchange(farewell_, nullptr);
+    if (farewell)
+      farewell(reason);
+    return static_cast<bool>(farewell);
+  }
+
   /// The words set by describe_waiting, or plain ones.
   std::string waiting_text(double seconds) const
   {
@@ -53,6 +67,7 @@ protected:
 
 private:
   Description description_;
+  Farewell farewell_;
 };
 
 /// Two connected ends inside one process (two threads): for tests and small problems.

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 
 namespace undine::link
 {
@@ -100,6 +101,16 @@ public:
       throw ProtocolError(code::internal_error,
                           "a link to '" + partner_ + "' needs a channel; only rank 0 of a role has one");
     channel_->describe_waiting([this](double seconds) { return silence_text(seconds); });
+    channel_->on_early_end([this](const std::string& reason) { send_failure(code::internal_error, reason); });
+  }
+
+  /// A program that drops its link in the middle of the conversation tells the partner. While an exception
+  /// unwinds it does not: main() knows the reason and will say it.
+  ~Conversation()
+  {
+    if (!over_ && std::uncaught_exceptions() == 0)
+      send_failure(code::internal_error,
+                   "it left in the middle of the conversation; next was " + expected_text());
   }
 
   Conversation(const Conversation&) = delete;
@@ -292,6 +303,8 @@ public:
     default:
       break; // PING, STOP_REQUEST: no influence
     }
+    if (state_ == State::closed)
+      end();
   }
 
   void ping()
@@ -316,10 +329,13 @@ public:
   {
     try
     {
+      if (over_)
+        return;
       wire::begin(outgoing_);
       wire::Writer writer(outgoing_);
       wire::write(writer, wire::Failed{.code = code, .text = text});
       send_sealed(MessageType::fail);
+      end();
       if (end_ == End::participant)
         failure_announced = true;
     }
@@ -391,8 +407,16 @@ private:
            "\n       it may be stuck, stopped or swapping; see its log. The limit is the stall time-out.";
   }
 
-  [[noreturn]] void throw_failure() const
+  /// Nothing more has to be said to the partner.
+  void end()
   {
+    over_ = true;
+    channel_->on_early_end(nullptr);
+  }
+
+  [[noreturn]] void throw_failure()
+  {
+    end();
     const wire::Failed failed = wire::read_failed(reader());
     throw ProtocolError(code::partner_failed, "'" + partner_ + "' failed (exit code " +
                                                   std::to_string(failed.code) + "): " + failed.text);
@@ -456,6 +480,7 @@ private:
   std::string partner_;
 
   State state_ = State::setup;
+  bool over_ = false; ///< by BYE or FAIL
   int setup_dim_ = 0;
   int dim_ = 1;
   std::size_t size_ = 0; ///< numbers in a vector of the wet surface

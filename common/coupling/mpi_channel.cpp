@@ -43,6 +43,13 @@ bool mpi_is_usable()
   return initialized != 0 && finalized == 0;
 }
 
+/// All channels of this process, for say_farewells().
+std::vector<MpiChannel*>& channels()
+{
+  static std::vector<MpiChannel*> list;
+  return list;
+}
+
 /// How a waiting process passes its time: first it spins (the answer of a running partner comes within
 /// microseconds), then it yields (partners may outnumber the cores), then it sleeps, ever longer in
 /// proportion to the wait.
@@ -159,10 +166,12 @@ MpiChannel::MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm,
 {
   // The kernel rounds sleeps up by 50 µs unless told otherwise; the back-off wants 20 µs.
   prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
+  channels().push_back(this);
 }
 
 MpiChannel::~MpiChannel()
 {
+  std::erase(channels(), this);
   if (mpi_is_usable())
   {
     const auto limit = Clock::now() + std::chrono::seconds(1);
@@ -172,6 +181,14 @@ MpiChannel::~MpiChannel()
   for (auto& slot : outgoing_)
     if (slot->request != MPI_REQUEST_NULL)
       static_cast<void>(slot.release()); // MPI may still read it
+}
+
+bool MpiChannel::say_farewells(const std::string& reason)
+{
+  bool said = false;
+  for (MpiChannel* channel : channels())
+    said = channel->say_farewell(reason) || said;
+  return said;
 }
 
 /// Completes what can be completed; true if no send is in progress.

@@ -48,6 +48,10 @@ public:
   /// Waits up to a second for sends in progress; buffers of unfinished ones are left to MPI.
   ~MpiChannel() override;
 
+  /// Lets every conversation in progress of this process say why it ends; true if there was one. Call from
+  /// the thread that uses MPI.
+  static bool say_farewells(const std::string& reason);
+
   void send(std::span<const std::byte> message) override;
   void receive(std::vector<std::byte>& message) override;
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
 
-START, HELLO, STALL = 3.0, 3.0, 3.0  # the deadlines [s]
+START, HELLO, STALL = 4.0, 3.0, 2.0  # the deadlines [s]; long enough for a machine that others use as well
 
 # What a case may take beyond its deadline [s]: mpirun needs about 1.5 s to start and to kill, the rest is for a machine
 # on which others compute.
@@ -36,6 +36,7 @@ class Case:
     says: list = field(default_factory=list)        # regular expressions for stdout + stderr
     failed: dict = field(default_factory=dict)      # entries of FAILED.toml; empty: not looked at
     signal_all: bool = False                        # stop the whole job for a while
+    launcher_may_hang: bool = False                 # mpirun itself, with none of the programs left
 
 
 COUPLER, FLUID, SOLID = ["--role=coupler"], ["--role=fluid"], ["--role=solid"]
@@ -45,9 +46,9 @@ def coupled(*solid):
     return [COUPLER, FLUID, SOLID + list(solid)]
 
 
-SILENT_SOLID = [r"error: 'solid' has sent nothing for 3 s\.  Last: FREE_VELOCITY #22 \(window 3, t = 0.0032 s\); "
+SILENT_SOLID = [r"error: 'solid' has sent nothing for 2 s\.  Last: FREE_VELOCITY #22 \(window 3, t = 0.0032 s\); "
                 r"expected FREE_VELOCITY of the participant \(window 3, exchange 2 of 5\)",
-                r"warning: 'solid' has sent nothing for 1\.5 s"]
+                r"warning: 'solid' has sent nothing for 1 s"]
 SILENT_SOLID_FILE = {"code": "36", "program": '"coupler"', "rank": "0", "time": "0.0032"}
 
 CASES = [
@@ -56,8 +57,8 @@ CASES = [
          [r"200 windows with 6 exchanges each"]),
     Case("well, coupler last", [SOLID, FLUID, COUPLER], (0,), 2, [r"200 windows with 6 exchanges each"]),
     Case("alone", [["2", "--role=fluid", "--alone=yes"]], (0,), 0, [r"fluid runs alone"]),
-    Case("slow but alive", coupled("--behave=slow"), (0,), 6, [r"200 windows"]),
-    Case("whole job suspended", coupled("--behave=work"), (0,), 9, [r"200 windows"], signal_all=True),
+    Case("slow but alive", coupled("--behave=slow"), (0,), 2 * STALL, [r"200 windows"]),
+    Case("whole job suspended", coupled("--behave=work"), (0,), 10, [r"200 windows"], signal_all=True),
 
     # mpirun itself notices and kills the others; its own codes
     Case("killed", coupled("--behave=killed"), (137,), 0, [r"rank 2 .*exited on signal 9"]),
@@ -67,23 +68,33 @@ CASES = [
     Case("exit(3) without Finalize", coupled("--behave=exit3"), (3,), 0, [r"Exit code: +3|exiting improperly"]),
     Case("no such program", [COUPLER, FLUID, ["!", "/no/such/solid"]], (132, 134), 0, [r"/no/such/solid"]),
 
-    # 139: mpirun may crash in PMIx when one aborts while another sits in MPI_Finalize; FAILED.toml tells the truth
-    Case("early MPI_Finalize", coupled("--behave=finalize"), (36, 139), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
+    Case("early MPI_Finalize", coupled("--behave=finalize"), (40,), 0,
+         [r"error: 'solid' failed \(exit code 1\): it called MPI_Finalize before the coupled run had ended"],
+         {"code": "40", "program": '"coupler"'}),
+    Case("early return from the solver", coupled("--behave=return"), (40,), 0,
+         [r"error: 'solid' failed \(exit code 1\): it left in the middle of the conversation; next was LINK_FORCE"],
+         {"code": "40", "program": '"coupler"'}),
     Case("stuck in a loop", coupled("--behave=loop"), (36,), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
     Case("SIGSTOP", coupled("--behave=stopped"), (36,), STALL, SILENT_SOLID, SILENT_SOLID_FILE),
     Case("coupler stuck", [COUPLER + ["--behave=loop"], FLUID, SOLID], (36,), STALL,
-         [r"error: 'coupler' has sent nothing for 3 s"], {"code": "36"}),
+         [r"error: 'coupler' has sent nothing for 2 s"], {"code": "36"}),
 
     Case("not an MPI program (sleep)", [COUPLER, FLUID, ["!", "sleep", "60"]], (31,), START,
          [r"error: 'coupler' still waits in MPI_Init .*\n?.*at least one program on the mpirun line never called MPI_Init"]),
-    Case("not an MPI program (true)", [COUPLER, FLUID, ["!", "true"]], (31,), START,
-         [r"at least one program on the mpirun line never called MPI_Init"]),
+    # 1: it ended after the others had called MPI_Init, which mpirun notices by itself
+    Case("not an MPI program (true)", [COUPLER, FLUID, ["!", "true"]], (31, 1), START,
+         [r"at least one program on the mpirun line never called MPI_Init|this process did not call \"init\""]),
     Case("not an MPI program, first", [["!", "sleep", "60"], COUPLER, FLUID], (31,), START,
          [r"at least one program on the mpirun line never called MPI_Init"]),
     Case("foreign MPI program", coupled("--behave=foreign"), (32,), HELLO,
          [r"error: no hello from world rank\(s\) 2 within 3 s"], {"code": "32", "program": '"coupler"'}),
     Case("foreign MPI program, first", [["--behave=foreign"], COUPLER, FLUID], (32,), HELLO + 1,
          [r"error: world rank 0 has not answered the hello"], {"code": "32"}),
+    # A program that sits in MPI_Finalize when another one ends the job: mpirun of Open MPI 4.1.4 itself crashes (139) or
+    # hangs in about every eighth run, without children. What is ours must be right all the same.
+    Case("foreign MPI program, Finalize", coupled("--behave=foreign_finalize"), (32, 139), HELLO,
+         [r"error: no hello from world rank\(s\) 2 within 3 s"], {"code": "32", "program": '"coupler"'},
+         launcher_may_hang=True),
     Case("two foreign ranks", [COUPLER, FLUID, ["2", "--behave=foreign"]], (32,), HELLO,
          [r"error: no hello from world rank\(s\) 2, 3 within 3 s"], {"code": "32"}),
     Case("late for the hello", coupled("--behave=late"), (32,), HELLO, [r"no hello from world rank\(s\) 2"],
@@ -96,7 +107,7 @@ CASES = [
     Case("another case", coupled("--hash=8"), (34,), 0, [r"error: 'solid' .* read another case than 'coupler'"],
          {"code": "34", "program": '"coupler"'}),
     Case("another case, judge is solid", [SOLID + ["--hash=8"], FLUID, COUPLER], (34,), 0,
-         [r"error: '(fluid|coupler)' .* read another case than 'solid'"], {"code": "34", "program": '"solid"'}),
+         [r"error: '.*' \(.*\) read another case than '.*'"], {"code": "34", "program": '"solid"'}),
     Case("no solid", [COUPLER, FLUID], (35,), 0, [r"error: no program with role 'solid' \(found: coupler x1, fluid x1\)"],
          {"code": "35", "program": '"coupler"'}),
     Case("no coupler", [FLUID, SOLID], (35,), 0, [r"no program with role 'coupler' \(found: fluid x1, solid x1\)"],
@@ -200,9 +211,13 @@ def run(case, actor, verbose):
             time.sleep(0.05)
         seconds = time.monotonic() - start
         code = process.poll()
+        if code is not None and code < 0:
+            code = 128 - code  # mpirun itself died of a signal; as a shell counts
         if code is None:
-            complaints.append(f"still running after {seconds:.1f} s")
-            pids.update(descendants(process.pid))
+            running = descendants(process.pid)
+            if running or not case.launcher_may_hang:
+                complaints.append(f"still running after {seconds:.1f} s")
+            pids.update(running)
             for pid in pids:
                 if alive(pid):
                     os.kill(pid, signal.SIGKILL)

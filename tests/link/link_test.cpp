@@ -283,6 +283,7 @@ TEST_CASE("a whole conversation: what one end sends is what the other receives",
   link.send_bye();
   solver.join();
   CHECK(trouble == "");
+  CHECK(link.stop_requested());
   CHECK(link.stop_reason() == "SIGTERM");
   CHECK(link.wait_seconds() > 0.0);
 }
@@ -376,6 +377,53 @@ TEST_CASE("a link says its last word through send_failure", "[link][unit]")
   const ProtocolError error = error_of([&] { coupler.receive_mesh(); });
   CHECK(error.code() == 40);
   CHECK(mentions(error, {"'fluid' failed (exit code 10): time step below its limit in element 5"}));
+}
+
+TEST_CASE("a link that is dropped in the middle of the conversation says so", "[link][unit]")
+{
+  auto [a, b] = memory_channel(5.0);
+  PartnerLink coupler(std::move(b), "fluid");
+  coupler.send_setup(setup());
+  {
+    SolverLink solver(std::move(a));
+    solver.receive_setup();
+  }
+  const ProtocolError error = error_of([&] { coupler.receive_mesh(); });
+  CHECK(error.code() == 40);
+  CHECK(mentions(error, {"'fluid' failed", "left in the middle", "next was MESH"}));
+}
+
+TEST_CASE("a link that is dropped after BYE says nothing more", "[link][unit]")
+{
+  auto [ours, theirs] = memory_channel(5.0);
+  Puppet coupler(std::move(theirs));
+  {
+    SolverLink link(std::move(ours));
+    solver_states()[2].lead(link, coupler);
+    coupler.say(MessageType::bye, -1, [](wire::Writer& out) { out.string(""); });
+    CHECK_FALSE(link.next_window());
+  }
+  CHECK(coupler.hear() == MessageType::mesh);
+  CHECK(coupler.hear() == MessageType::ready);
+  CHECK(coupler.hear() == MessageType::bye_ack);
+  CHECK(error_of([&] { coupler.hear(); }).code() == 36); // closed
+}
+
+TEST_CASE("a link that is dropped by an exception leaves the last word to main", "[link][unit]")
+{
+  auto [a, b] = memory_channel(5.0);
+  PartnerLink coupler(std::move(b), "fluid");
+  coupler.send_setup(setup());
+  try
+  {
+    SolverLink solver(std::move(a));
+    solver.receive_setup();
+    throw std::runtime_error("negative volume");
+  }
+  catch (const std::runtime_error&)
+  {
+  }
+  CHECK(error_of([&] { coupler.receive_mesh(); }).code() == 36); // closed, without a FAIL
 }
 
 TEST_CASE("a message number that is left out or repeated is refused", "[link][unit]")
