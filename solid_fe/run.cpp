@@ -28,37 +28,29 @@ template <int dim>
 class Ledger
 {
 public:
-  Ledger(const Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output)
-      : output_(output), interval_(times.history_interval), balance_at_start_(solid.energies().balance())
+  Ledger(const Solid<dim>& solid, const Energies& start, const RunTimes& times, SolidOutput<dim>* output)
+      : output_(output), interval_(times.history_interval), balance_at_start_(start.balance())
   {
-    write(solid);
+    record(solid, start);
   }
 
-  /// A row if one is due at the solid's time; `at_least` writes it in any case.
-  void record(const Solid<dim>& solid, double dt, bool at_least = false)
+  /// Is a row due at the solid's time, to within half a step?
+  bool is_due(const Solid<dim>& solid, double dt) const { return solid.time() + 0.5 * dt >= next_; }
+
+  void record(const Solid<dim>& solid, const Energies& e)
   {
-    if (!at_least && solid.time() + 0.5 * dt < next_)
-      return;
-    write(solid);
+    imbalance_ = std::max(imbalance_, std::abs(e.balance() - balance_at_start_));
+    scale_ = std::max({scale_, e.kinetic, e.strain, std::abs(e.external), std::abs(e.interface)});
+    if (output_ != nullptr)
+      output_->write_history(solid, e);
+    next_ = interval_ > 0.0 ? interval_ * (std::floor(solid.time() / interval_ + 0.5) + 1.0) : 0.0;
   }
   double drift() const { return scale_ > 0.0 ? imbalance_ / scale_ : 0.0; }
 
 private:
-  void write(const Solid<dim>& solid)
-  {
-    const auto e = solid.energies();
-    imbalance_ = std::max(imbalance_, std::abs(e.balance() - balance_at_start_));
-    scale_ = std::max({scale_, e.kinetic, e.strain, std::abs(e.external), std::abs(e.interface)});
-    if (output_ != nullptr)
-      output_->write_history(solid);
-    ++rows_;
-    next_ = interval_ > 0.0 ? interval_ * (std::floor(solid.time() / interval_ + 0.5) + 1.0) : 0.0;
-  }
-
   SolidOutput<dim>* output_;
   double interval_, balance_at_start_;
   double next_ = 0.0, imbalance_ = 0.0, scale_ = 0.0;
-  std::int64_t rows_ = 0;
 };
 
 /// Frame times of a run on its own: multiples of the interval, and the end.
@@ -120,7 +112,7 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
   RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
   const double started = seconds_now();
   const double mass = solid.mass();
-  Ledger<dim> ledger(solid, times, output);
+  Ledger<dim> ledger(solid, solid.energies(), times, output);
   if (output != nullptr)
     output->write_frame(solid);
 
@@ -148,7 +140,8 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
         }
       solid.predict(dt);           // v ← v + Δt/2 a,  u ← u + Δt v
       solid.solve_free_motion(dt); // M a = F_ext − F_int(u),  v ← v + Δt/2 a
-      ledger.record(solid, dt, steps_left == 1 && t_due == times.t_end);
+      if (ledger.is_due(solid, dt) || (steps_left == 1 && t_due == times.t_end))
+        ledger.record(solid, solid.energies());
       go_on = !progress || progress(solid.time(), solid.steps(), dt);
     }
     if (output != nullptr)
@@ -178,7 +171,8 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
   const double started = seconds_now(), waited = link.wait_seconds();
   const double mass = solid.mass();
   solid.set_time(setup.t_begin);
-  Ledger<dim> ledger(solid, times, output);
+  Energies energies = solid.energies();
+  Ledger<dim> ledger(solid, energies, times, output);
   if (output != nullptr)
     output->write_frame(solid);
   std::vector<double> f_link(solid.interface_velocity().size());
@@ -186,7 +180,7 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
 
   while (true)
   {
-    auto report = report_of(solid.energies(), solid.critical_time_step(), solid.mass(), solid.steps());
+    auto report = report_of(energies, solid.critical_time_step(), solid.mass(), solid.steps());
     report.wait_seconds = link.wait_seconds() - waited;
     report.compute_seconds = seconds_now() - started - report.wait_seconds;
     link.send_report(report);
@@ -218,7 +212,9 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
       }
     }
     ++result.windows;
-    ledger.record(solid, window->t_end - window->t_begin, window->last);
+    energies = solid.energies();
+    if (ledger.is_due(solid, window->t_end - window->t_begin) || window->last)
+      ledger.record(solid, energies);
     if (output != nullptr && (window->output || window->last))
       output->write_frame(solid);
     if (progress && !stop_asked && !progress(solid.time(), solid.steps(), dt))

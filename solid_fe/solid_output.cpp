@@ -242,7 +242,7 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
 }
 
 template <int dim>
-void SolidOutput<dim>::write_history(const Solid<dim>& solid)
+void SolidOutput<dim>::write_history(const Solid<dim>& solid, const Energies& e)
 {
   for (auto& probe : probes_)
   {
@@ -259,7 +259,6 @@ void SolidOutput<dim>::write_history(const Solid<dim>& solid)
     }
     probe.history.write(solid.time(), row);
   }
-  const auto e = solid.energies();
   energy_.write(solid.time(), {e.kinetic, e.strain, e.external, e.interface, e.balance()});
 }
 

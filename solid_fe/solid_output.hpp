@@ -45,8 +45,9 @@ class SolidOutput
 public:
   SolidOutput(const OutputConfig& config, const std::vector<ProbeConfig>& probes, const Solid<dim>& solid);
 
-  void write_frame(const Solid<dim>& solid);   ///< displacement, velocity, stress on the current mesh
-  void write_history(const Solid<dim>& solid); ///< one row in every history
+  void write_frame(const Solid<dim>& solid); ///< displacement, velocity, stress on the current mesh
+  /// One row in every history; `e` are the energies of `solid` now.
+  void write_history(const Solid<dim>& solid, const Energies& e);
 
 private:
   struct Probe

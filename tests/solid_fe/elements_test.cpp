@@ -181,3 +181,29 @@ TEMPLATE_TEST_CASE_SIG("wet nodes and the elements that touch them come first", 
               mesh.x[static_cast<std::size_t>(message.node_id[n])][i]);
   }
 }
+
+// Two bodies of different element types share a curve: 2 m² of triangles and 0.75 m² of quadrilaterals.
+// Constant strain must not notice (patch test); tolerance as above.
+TEST_CASE("a Gmsh mesh of triangles and quadrilaterals passes the patch test", "[solid][unit]")
+{
+  const auto mesh = read_gmsh<2>(SOLID_TEST_DATA "/../../common/data/plane_41.msh");
+  const Solid<2> solid(soft_config(2, "neo_hookean_ln"), mesh);
+  REQUIRE(solid.bodies().size() == 2);
+  CHECK(solid.mass() == Approx(2750.0).epsilon(1e-13));
+  const auto H = Random(19).matrix<2>(0.1);
+  std::vector<Vec<2>> u;
+  for (const auto& X : solid.nodes().X)
+    u.push_back(H * X);
+  const auto F_int = solid.internal_force_at(u);
+  std::set<index_t> outer;
+  for (const index_t n : boundary_of(solid.mesh()).nodes)
+    outer.insert(n);
+  double worst = 0.0, largest = 0.0;
+  for (index_t n = 0; n < solid.nodes().size(); ++n)
+  {
+    double& record = outer.count(n) == 1 ? largest : worst;
+    record = std::max(record, norm(F_int[static_cast<std::size_t>(n)]));
+  }
+  CHECK(outer.size() < u.size()); // there are inner nodes, two of them on the shared curve
+  CHECK(worst < 1e-14 * 30 * largest);
+}
