@@ -41,12 +41,13 @@ int end_with(int code, const std::string& role, const std::string& text, const s
 
 link::World Launch::meet(const std::vector<std::string>& partners) const
 {
-  link::World world = link::World::connect({.role = role,
-                                            .solver = "undine " + role + " " UNDINE_VERSION,
-                                            .dim = run.dim,
-                                            .case_hash = file.hash(),
-                                            .partners = partners},
-                                           {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
+  link::World world =
+      link::World::connect({.role = role,
+                            .solver = "undine " + role + " " UNDINE_VERSION,
+                            .dim = run.dim,
+                            .case_hash = file.hash(),
+                            .partners = partners},
+                           {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
   int ranks = 1;
   MPI_Comm_size(world.comm(), &ranks);
   if (ranks > 1)
@@ -100,7 +101,8 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
   }
   catch (const std::exception& error)
   {
-    return end_with(static_cast<int>(ExitCode::internal_error), role, std::string("internal error: ") + error.what(), out_dir);
+    return end_with(static_cast<int>(ExitCode::internal_error), role,
+                    std::string("internal error: ") + error.what(), out_dir);
   }
 }
 
