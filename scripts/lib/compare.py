@@ -42,19 +42,26 @@ def our_curve(out, reference):
 
 
 def minima(t, y):
-    """Times of the minima below the mean, by a parabola through three points."""
-    found = []
-    for k in range(1, len(y) - 1):
-        if y[k] <= y[k - 1] and y[k] < y[k + 1] and y[k] < np.mean(y):
-            dl, dr = t[k] - t[k - 1], t[k + 1] - t[k]
-            slope_l, slope_r = (y[k] - y[k - 1]) / dl, (y[k + 1] - y[k]) / dr
-            curvature = (slope_r - slope_l) / (0.5 * (dl + dr))
-            found.append(t[k] - (slope_l * dr + slope_r * dl) / (dl + dr) / curvature)
-    merged = []
-    for time in found:  # ripples of one minimum
-        if not merged or time - merged[-1] > 0.25 * (t[-1] - t[0]) / max(1, len(found)):
-            merged.append(time)
-    return merged
+    """Time of the minimum of each complete excursion below the mean: vertex of the parabola fitted to its lowest tenth.
+
+    An excursion ends when the curve rises a tenth of its amplitude above the mean, so that ripples do not split it.
+    """
+    middle = np.trapz(y, t) / (t[-1] - t[0])
+    depth = middle - np.min(y)
+    found, start = [], None
+    for k in range(len(y)):
+        if start is None and y[k] < middle - 0.1 * depth:
+            start = k
+        elif start is not None and y[k] > middle + 0.1 * depth:
+            inside = slice(start, k)
+            low = np.min(y[inside])
+            near = y[inside] <= low + 0.1 * (middle - low)
+            if start > 0 and np.count_nonzero(near) >= 3:
+                centre = t[inside][near].mean()
+                a, b, _ = np.polyfit(t[inside][near] - centre, y[inside][near], 2)
+                found.append(centre - b / (2.0 * a))
+            start = None
+    return found
 
 
 def period(t, y):
