@@ -41,17 +41,18 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
                               const Fluid<dim>& fluid)
     : config_(output), frames_(output.dir, "fluid"),
       energy_(output.dir, "fluid_energy",
-              fmt::format("energies of the fluid{}; kinetic + internal + potential + dissipated - "
-                          "interface_work - remeshing stays "
-                          "at its start up to O(dt^2)",
+              fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + dissipated - interface_work - wall_work - "
+                          "remesh_gain - remesh_loss changes only by what the stabilisation moves",
                           dim == 2 ? " per metre of depth" : ""),
-              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remeshing[J]",
+              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]", "remesh_loss[J]", "wall_work[J]",
                "interface_work[J]"}),
       mass_(output.dir, "mass",
-            fmt::format("mass of the nodes and volume of the elements{}",
+            fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; volume_error = rho0 volume / "
+                        "meshed - 1; created and dropped: volume by decision of all remeshes",
                         dim == 2 ? " per metre of depth" : ""),
-            {"mass[kg]", "volume[m^dim]", "remeshes[]"}),
-      mass_at_start_(fluid.mass())
+            {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]", "created[m^dim]", "dropped[m^dim]",
+             "nodes[]", "merged[]", "split[]", "remeshes[]"}),
+      rho0_(fluid.config().tait.rho0)
 {
   const auto& nodes = fluid.nodes();
   for (const ProbeConfig& probe : probes)
@@ -147,10 +148,13 @@ template <int dim>
 void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
-  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remeshing, e.interface_work});
+  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss, e.wall_work, e.interface_work});
   const auto& nodes = fluid.nodes();
-  mass_.write(t, {fluid.mass(), std::accumulate(nodes.V.begin(), nodes.V.end(), 0.0),
-                  static_cast<double>(fluid.remeshes())});
+  const FluidMass m = fluid.mass_by_state();
+  const RemeshLedger& r = fluid.ledger();
+  mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume, m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created,
+                  r.dropped, static_cast<double>(nodes.size()), static_cast<double>(r.merged), static_cast<double>(r.split),
+                  static_cast<double>(r.remeshes)});
   if (probes_.empty())
     return;
   for (Probe& probe : probes_)

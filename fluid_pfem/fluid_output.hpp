@@ -40,7 +40,7 @@ private:
   std::vector<Probe> probes_;
   History energy_, mass_;
   double next_row_ = 0.0;
-  double mass_at_start_ = 0.0;
+  double rho0_ = 0.0;
 };
 
 } // namespace undine::fluid
