@@ -30,8 +30,9 @@ struct Launch
   link::World meet(const std::vector<std::string>& partners) const;
 };
 
-/// Start MPI, read the command line and the case's common tables, run `body`, and turn every failure into one message, FAILED.toml and
-/// its exit code; programs of the same mpirun line end together. Reports unknown keys of the tables all programs share.
+/// Start MPI, read the command line and the case's common tables, run `body`, and turn every failure into one
+/// message, FAILED.toml and its exit code; programs of the same mpirun line end together. Reports unknown
+/// keys of the tables all programs share.
 /// @returns the exit code of the process
 int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body);
 
