@@ -16,9 +16,10 @@ namespace undine::coupler
 namespace
 {
 
-const std::vector<std::string> interface_columns{"work_on_fluid[J]",    "work_on_solid[J]",   "velocity_jump[m/s]",
-                                                 "displacement_gap[m]", "impulse_fluid[N s]", "impulse_solid[N s]",
-                                                 "impulse_mismatch[N s]", "activation_loss[J]", "substeps[]", "window[s]"};
+const std::vector<std::string> interface_columns{
+    "work_on_fluid[J]",   "work_on_solid[J]",   "velocity_jump[m/s]",    "displacement_gap[m]",
+    "impulse_fluid[N s]", "impulse_solid[N s]", "impulse_mismatch[N s]", "activation_loss[J]",
+    "substeps[]",         "window[s]"};
 
 } // namespace
 
@@ -33,17 +34,22 @@ EnergyBalance energy_of(const link::Report& fluid, const link::Report& solid)
 CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& config)
     : output_(output), config_(config),
       energy_(output.dir, "energy",
-              "energies of fluid and solid; total = kinetic + internal + dissipated - external_work, changed by the interface and by "
+              "energies of fluid and solid; total = kinetic + internal + dissipated - external_work, changed "
+              "by the interface and by "
               "remeshing only; works cumulated",
-              {"fluid_kinetic[J]", "fluid_internal[J]", "fluid_external_work[J]", "fluid_dissipated[J]", "solid_kinetic[J]", "solid_internal[J]",
-               "solid_external_work[J]", "solid_dissipated[J]", "work_on_fluid[J]", "work_on_solid[J]", "total[J]"}),
-      on_terminal_(isatty(STDERR_FILENO) != 0), begin_(std::chrono::steady_clock::now()), last_progress_(begin_)
+              {"fluid_kinetic[J]", "fluid_internal[J]", "fluid_external_work[J]", "fluid_dissipated[J]",
+               "solid_kinetic[J]", "solid_internal[J]", "solid_external_work[J]", "solid_dissipated[J]",
+               "work_on_fluid[J]", "work_on_solid[J]", "total[J]"}),
+      on_terminal_(isatty(STDERR_FILENO) != 0), begin_(std::chrono::steady_clock::now()),
+      last_progress_(begin_)
 {
   for (const auto& i : config.coupling.interfaces)
-    interface_.emplace_back(output.dir, "interface_" + i.name,
-                            "ledger of the coupling: cumulated work and impulse of the link forces on each side, the velocity jump at the "
-                            "window's end, the gap between integrated velocities; over all interfaces of the case",
-                            interface_columns);
+    interface_.emplace_back(
+        output.dir, "interface_" + i.name,
+        "ledger of the coupling: cumulated work and impulse of the link forces on each side, the velocity "
+        "jump at the "
+        "window's end, the gap between integrated velocities; over all interfaces of the case",
+        interface_columns);
 }
 
 void CouplerOutput::observe(const WindowRecord& r)
@@ -72,13 +78,15 @@ void CouplerOutput::observe(const WindowRecord& r)
 
   if (start || r.plan.last || output_.history_interval <= 0.0 || t_ >= next_row_)
   {
-    energy_.write(t_, {r.fluid.kinetic_energy, r.fluid.internal_energy, r.fluid.external_work, r.fluid.dissipated_energy, r.solid.kinetic_energy,
-                       r.solid.internal_energy, r.solid.external_work, r.solid.dissipated_energy, balance_.work[Side::fluid], balance_.work[Side::solid],
-                       total_now_});
+    energy_.write(t_, {r.fluid.kinetic_energy, r.fluid.internal_energy, r.fluid.external_work,
+                       r.fluid.dissipated_energy, r.solid.kinetic_energy, r.solid.internal_energy,
+                       r.solid.external_work, r.solid.dissipated_energy, balance_.work[Side::fluid],
+                       balance_.work[Side::solid], total_now_});
     for (History& h : interface_)
-      h.write(t_, {balance_.work[Side::fluid], balance_.work[Side::solid], balance_.velocity_jump, balance_.displacement_gap,
-                   balance_.impulse[Side::fluid], balance_.impulse[Side::solid], balance_.impulse_mismatch, balance_.activation_loss,
-                   static_cast<double>(r.plan.steps.m), r.plan.steps.coarse_dt});
+      h.write(t_, {balance_.work[Side::fluid], balance_.work[Side::solid], balance_.velocity_jump,
+                   balance_.displacement_gap, balance_.impulse[Side::fluid], balance_.impulse[Side::solid],
+                   balance_.impulse_mismatch, balance_.activation_loss, static_cast<double>(r.plan.steps.m),
+                   r.plan.steps.coarse_dt});
     while (output_.history_interval > 0.0 && next_row_ <= t_)
       next_row_ += output_.history_interval;
   }
@@ -86,10 +94,12 @@ void CouplerOutput::observe(const WindowRecord& r)
   // The scheme may lose energy at the interface (sub-cycling, activation); it must not make any.
   const double made = balance_.work[Side::fluid] + balance_.work[Side::solid];
   if (made > config_.coupling.energy_limit * largest_energy_ && largest_energy_ > 0.0)
-    throw NumericalError(fmt::format("window {}, t = {:.6g} s: the interface has made {:.3g} J, {:.2g} of the largest energy in motion; "
-                                     "coupling.energy_limit = {:.2g}. See history/interface_*.csv; a participant may report wrong interface "
-                                     "masses or a stable step that is too long",
-                                     r.plan.index, t_, made, made / largest_energy_, config_.coupling.energy_limit));
+    throw NumericalError(fmt::format(
+        "window {}, t = {:.6g} s: the interface has made {:.3g} J, {:.2g} of the largest energy in motion; "
+        "coupling.energy_limit = {:.2g}. See history/interface_*.csv; a participant may report wrong "
+        "interface "
+        "masses or a stable step that is too long",
+        r.plan.index, t_, made, made / largest_energy_, config_.coupling.energy_limit));
   show_progress(r);
 }
 
@@ -105,11 +115,15 @@ void CouplerOutput::show_progress(const WindowRecord& r)
   const double left = done > 0.0 ? wall * (1.0 - done) / done : 0.0;
   const auto share = [wall](double s) { return wall > 0.0 ? 100.0 * s / wall : 0.0; };
   const bool fluid_fine = r.plan.steps.fine == Side::fluid;
-  fmt::print(stderr, "{}t={:.5g}/{:.5g} {:3.0f}% win {} dt {:.2e} (fluid {}, solid {} substeps) wait F {:.0f}% S {:.0f}% dE/E {:+.2g} ETA {:02d}:{:02d}{}",
-             on_terminal_ ? "\r" : "", t_, config_.run.t_end, 100.0 * done, r.plan.index + 1, r.plan.steps.coarse_dt,
-             fluid_fine ? r.plan.steps.m : 1, fluid_fine ? 1 : r.plan.steps.m, share(r.fluid.wait_seconds), share(r.solid.wait_seconds),
-             largest_energy_ > 0.0 ? (total_now_ - total_at_start_) / largest_energy_ : 0.0, static_cast<int>(left) / 60,
-             static_cast<int>(left) % 60, !on_terminal_ || r.plan.last ? "\n" : "");
+  fmt::print(stderr,
+             "{}t={:.5g}/{:.5g} {:3.0f}% win {} dt {:.2e} (fluid {}, solid {} substeps) wait F {:.0f}% S "
+             "{:.0f}% dE/E {:+.2g} ETA {:02d}:{:02d}{}",
+             on_terminal_ ? "\r" : "", t_, config_.run.t_end, 100.0 * done, r.plan.index + 1,
+             r.plan.steps.coarse_dt, fluid_fine ? r.plan.steps.m : 1, fluid_fine ? 1 : r.plan.steps.m,
+             share(r.fluid.wait_seconds), share(r.solid.wait_seconds),
+             largest_energy_ > 0.0 ? (total_now_ - total_at_start_) / largest_energy_ : 0.0,
+             static_cast<int>(left) / 60, static_cast<int>(left) % 60,
+             !on_terminal_ || r.plan.last ? "\n" : "");
   std::fflush(stderr);
 }
 
@@ -125,11 +139,15 @@ void CouplerOutput::write_summary(const std::string& status) const
   s.set("windows", windows_);
   s.set("substeps", substeps_most_);
   s.set("conservation.energy_drift", (total_now_ - total_at_start_) / scale);
-  s.set("conservation.energy_drift_definition", "change of kinetic + internal + dissipated - external work over the largest kinetic or internal energy");
+  s.set("conservation.energy_drift_definition", "change of kinetic + internal + dissipated - external work "
+                                                "over the largest kinetic or internal energy");
   s.set("conservation.interface_energy", (balance_.work[Side::fluid] + balance_.work[Side::solid]) / scale);
-  s.set("conservation.interface_energy_definition", "work of the link on both sides over the same energy; negative: lost by sub-cycling");
-  s.set("conservation.momentum_drift", balance_.impulse_mismatch / std::max({balance_.impulse[0], balance_.impulse[1], 1e-300}));
-  s.set("conservation.momentum_drift_definition", "norm of the sum of the impulses on both sides over the larger of them");
+  s.set("conservation.interface_energy_definition",
+        "work of the link on both sides over the same energy; negative: lost by sub-cycling");
+  s.set("conservation.momentum_drift",
+        balance_.impulse_mismatch / std::max({balance_.impulse[0], balance_.impulse[1], 1e-300}));
+  s.set("conservation.momentum_drift_definition",
+        "norm of the sum of the impulses on both sides over the larger of them");
   s.set("conservation.velocity_jump", largest_jump_);
   s.set("conservation.displacement_gap", largest_gap_);
   s.set("conservation.activation_loss", balance_.activation_loss / scale);

@@ -16,18 +16,21 @@ namespace undine::coupler
 struct EnergyBalance
 {
   double kinetic = 0.0, internal = 0.0, external_work = 0.0, dissipated = 0.0;
-  /// Kinetic + internal + dissipated − external work: changes only by what the interface and remeshing lose or make.
+  /// Kinetic + internal + dissipated − external work: changes only by what the interface and remeshing lose
+  /// or make.
   double total() const { return kinetic + internal + dissipated - external_work; }
 };
 
 EnergyBalance energy_of(const link::Report& fluid, const link::Report& solid);
 
-/// Files in `out_dir`: history/energy.csv, history/interface_<name>.csv, coupler.json; one progress line per second on a terminal.
+/// Files in `out_dir`: history/energy.csv, history/interface_<name>.csv, coupler.json; one progress line per
+/// second on a terminal.
 class CouplerOutput
 {
 public:
   CouplerOutput(const OutputConfig& output, const CouplerConfig& config);
-  /// After each window. @throws NumericalError if the interface has made more energy than coupling.energy_limit allows
+  /// After each window. @throws NumericalError if the interface has made more energy than
+  /// coupling.energy_limit allows
   void observe(const WindowRecord& record);
   /// @param status "completed" or "stopped"
   void write_summary(const std::string& status) const;

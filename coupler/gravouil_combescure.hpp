@@ -66,7 +66,8 @@ public:
 
   /// Replace the operator after a change of the wet nodes or their masses; must be followed by activate().
   void replace_operator(InterfaceOperator H);
-  /// Replace the operator after the same wet nodes have moved: normals turned, faces slid along each other. The state stays.
+  /// Replace the operator after the same wet nodes have moved: normals turned, faces slid along each other.
+  /// The state stays.
   void turn_operator(InterfaceOperator H);
 
   /// One window. The partners are asked in the order of the scheme; the coarse side is served last.

@@ -22,7 +22,8 @@ SparseMatrix block_diagonal(const link::SurfaceMesh& surface)
   for (std::int64_t n = 0; n < surface.n_nodes(); ++n)
     for (int i = 0; i < dim; ++i)
       for (int j = 0; j < dim; ++j)
-        if (const double w = surface.inverse_mass[static_cast<std::size_t>((n * dim + i) * dim + j)]; w != 0.0)
+        if (const double w = surface.inverse_mass[static_cast<std::size_t>((n * dim + i) * dim + j)];
+            w != 0.0)
           entries.emplace_back(n * dim + i, n * dim + j, w);
   SparseMatrix W(surface.n_nodes() * dim, surface.n_nodes() * dim);
   W.setFromTriplets(entries.begin(), entries.end());
@@ -40,7 +41,8 @@ InterfaceReport append_interface(const InterfaceConfig& config, double search_di
     faces[s] = faces_of<dim>(*surface[s], config.name);
     if (faces[s].faces.empty())
       throw InputError(fmt::format("interface '{}': the {} side has no faces on surface '{}'", config.name,
-                                   s == Side::fluid ? "fluid" : "solid", s == Side::fluid ? config.fluid : config.solid));
+                                   s == Side::fluid ? "fluid" : "solid",
+                                   s == Side::fluid ? config.fluid : config.solid));
   }
   const bool fluid_is_finer = faces[Side::fluid].mean_face_size() <= faces[Side::solid].mean_face_size();
   const Side multiplier_side = config.multiplier == "fluid"   ? Side::fluid
@@ -64,20 +66,23 @@ InterfaceReport append_interface(const InterfaceConfig& config, double search_di
   }
   const Side smaller = report.measure[Side::fluid] <= report.measure[Side::solid] ? Side::fluid : Side::solid;
   if (!(report.covered[smaller] >= least_cover))
-    throw InputError(fmt::format("interface '{}': only {:.3g} % of the {} side ({:.4g} of {:.4g} m{}) finds a face of the other "
-                                 "within {:.3g} m. Check units, positions and outward normals, or raise coupling.search_distance",
-                                 config.name, 100.0 * report.covered[smaller], smaller == Side::fluid ? "fluid" : "solid",
-                                 report.covered[smaller] * report.measure[smaller], report.measure[smaller],
-                                 dim == 3 ? "²" : "", distance));
+    throw InputError(fmt::format(
+        "interface '{}': only {:.3g} % of the {} side ({:.4g} of {:.4g} m{}) finds a face of the other "
+        "within {:.3g} m. Check units, positions and outward normals, or raise coupling.search_distance",
+        config.name, 100.0 * report.covered[smaller], smaller == Side::fluid ? "fluid" : "solid",
+        report.covered[smaller] * report.measure[smaller], report.measure[smaller], dim == 3 ? "²" : "",
+        distance));
   report.rows.first = rows.count;
-  append_constraints<dim>(mortar, multiplier_side, config.kind == "slip" ? InterfaceKind::slip : InterfaceKind::no_slip, rows);
+  append_constraints<dim>(mortar, multiplier_side,
+                          config.kind == "slip" ? InterfaceKind::slip : InterfaceKind::no_slip, rows);
   report.rows.second = rows.count;
   return report;
 }
 
 } // namespace
 
-Interface::Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid, double least_cover)
+Interface::Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid,
+                     double least_cover)
     : coupling_(coupling), least_cover_(least_cover)
 {
   require(fluid.dim == solid.dim, "both participants have the same dimension");
@@ -114,7 +119,7 @@ bool Interface::has_deformed() const
         most = std::max(most, d);
       }
     }
-    if (most - least > 1e-6 * face_size_)
+    if (most - least > 1e-10 * face_size_)
       return true;
   }
   return false;
@@ -126,9 +131,10 @@ InterfaceOperator Interface::build()
   ConstraintRows rows;
   report_.clear();
   for (const InterfaceConfig& config : coupling_.interfaces)
-    report_.push_back(surface[0]->dim == 2
-                          ? append_interface<2>(config, coupling_.search_distance, surface, least_cover_, rows)
-                          : append_interface<3>(config, coupling_.search_distance, surface, least_cover_, rows));
+    report_.push_back(
+        surface[0]->dim == 2
+            ? append_interface<2>(config, coupling_.search_distance, surface, least_cover_, rows)
+            : append_interface<3>(config, coupling_.search_distance, surface, least_cover_, rows));
   face_size_ = std::numeric_limits<double>::max();
   for (const InterfaceReport& r : report_)
     face_size_ = std::min({face_size_, r.face_size[Side::fluid], r.face_size[Side::solid]});

@@ -20,11 +20,11 @@ struct InterfaceReport
   std::string name;
   Side multiplier_side = Side::fluid;
   int multipliers = 0;
-  std::array<double, 2> measure{}; ///< length or area of (fluid, solid) side [m^(dim−1)]
+  std::array<double, 2> measure{};   ///< length or area of (fluid, solid) side [m^(dim−1)]
   std::array<double, 2> face_size{}; ///< mean length, or root of the mean area, of (fluid, solid) faces [m]
-  std::array<double, 2> covered{}; ///< fraction of (fluid, solid) side that meets the other
-  double largest_gap = 0.0;        ///< [m]
-  std::pair<int, int> rows{0, 0};  ///< its rows of the operator
+  std::array<double, 2> covered{};   ///< fraction of (fluid, solid) side that meets the other
+  double largest_gap = 0.0;          ///< [m]
+  std::pair<int, int> rows{0, 0};    ///< its rows of the operator
 };
 
 /// The interfaces of a case on two wet surfaces that move.
@@ -32,8 +32,10 @@ class Interface
 {
 public:
   /// Integrate the mortar matrices of all interfaces and assemble the operator.
-  /// @throws InputError if a side has no faces, or if less than `least_cover` of the smaller side meets the other
-  Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid, double least_cover = 0.99);
+  /// @throws InputError if a side has no faces, or if less than `least_cover` of the smaller side meets the
+  /// other
+  Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid,
+            double least_cover = 0.99);
 
   /// The wet nodes of `side` were replaced (remesh).
   void replace_surface(Side side, link::SurfaceMesh surface);
@@ -41,8 +43,9 @@ public:
   void move(Side side, const Vector& travel);
   /// From now on displacements count from the present positions.
   void fix_positions(Side side) { x_message_[side] = surface_[side].x; }
-  /// The surfaces have deformed or slid against each other since the operator was built, beyond a common translation and a
-  /// fraction 1e-6 of a face: D, C and the normals are no longer those of the present surfaces.
+  /// The surfaces have deformed or slid against each other since the operator was built, beyond a common
+  /// translation and a fraction 1e-10 of a face: D, C and the normals are no longer those of the present
+  /// surfaces.
   bool has_deformed() const;
   /// Operator of the present surfaces.
   InterfaceOperator build();

@@ -22,33 +22,38 @@ void start(Launch& launch)
     return;
   }
   if (!launch.coupling.present)
-    throw InputError(launch.file.path() + ": the case has no [coupling] and no [[interface]]; run fluid_pfem or solid_fe alone");
+    throw InputError(launch.file.path() +
+                     ": the case has no [coupling] and no [[interface]]; run fluid_pfem or solid_fe alone");
   if (launch.line.check_only)
   {
-    fmt::print("coupler: {} interface(s), scheme {}, t = {:.6g} to {:.6g} s\n", launch.coupling.interfaces.size(), launch.coupling.scheme,
-               launch.run.t_begin, launch.run.t_end);
+    fmt::print("coupler: {} interface(s), scheme {}, t = {:.6g} to {:.6g} s\n",
+               launch.coupling.interfaces.size(), launch.coupling.scheme, launch.run.t_begin,
+               launch.run.t_end);
     return;
   }
   const link::World world = launch.meet({"fluid", "solid"});
   const auto log = make_log(launch.output.dir, launch.role, false);
   link::PartnerLink fluid(world.channel("fluid"), "fluid"), solid(world.channel("solid"), "solid");
-  log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"), world.solver_of("solid"));
+  log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"),
+            world.solver_of("solid"));
 
-  const coupler::CouplerConfig config{.run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
+  const coupler::CouplerConfig config{
+      .run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
   coupler::CouplerOutput output(launch.output, config);
   try
   {
-    const auto windows = coupler::run_coupler(config, fluid, solid,
-                                              [&](const coupler::WindowRecord& r)
-                                              {
-                                                if (r.plan.t_end == r.plan.t_begin)
-                                                  for (const auto& i : r.interface.report())
-                                                    log->info("interface '{}': {} multipliers on the {}, fluid side {:.6g} m covered {:.4g}, "
-                                                              "solid side {:.6g} m covered {:.4g}, largest gap {:.3g} m",
-                                                              i.name, i.multipliers, i.multiplier_side == coupler::Side::fluid ? "fluid" : "solid",
-                                                              i.measure[0], i.covered[0], i.measure[1], i.covered[1], i.largest_gap);
-                                                output.observe(r);
-                                              });
+    const auto windows = coupler::run_coupler(
+        config, fluid, solid,
+        [&](const coupler::WindowRecord& r)
+        {
+          if (r.plan.t_end == r.plan.t_begin)
+            for (const auto& i : r.interface.report())
+              log->info("interface '{}': {} multipliers on the {}, fluid side {:.6g} m covered {:.4g}, "
+                        "solid side {:.6g} m covered {:.4g}, largest gap {:.3g} m",
+                        i.name, i.multipliers, i.multiplier_side == coupler::Side::fluid ? "fluid" : "solid",
+                        i.measure[0], i.covered[0], i.measure[1], i.covered[1], i.largest_gap);
+          output.observe(r);
+        });
     output.write_summary(fluid.stop_requested() || solid.stop_requested() ? "stopped" : "completed");
     log->info("done: {} windows", windows);
   }

@@ -43,7 +43,8 @@ void activate(GravouilCombescure& gc, const std::array<link::PartnerLink*, 2>& p
   }
   const auto start = gc.activate(v, a_free);
   for (const Side s : both_sides)
-    partner[s]->send_activation({.impulse = as_std(start.impulse[s]), .link_force = as_std(start.link_force[s])});
+    partner[s]->send_activation(
+        {.impulse = as_std(start.impulse[s]), .link_force = as_std(start.link_force[s])});
 }
 
 } // namespace
@@ -63,7 +64,10 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
                          const std::function<void(const WindowRecord&)>& after_window)
 {
   const std::array<link::PartnerLink*, 2> partner{&fluid, &solid};
-  link::Setup setup{.dim = config.run.dim, .t_begin = config.run.t_begin, .t_end = config.run.t_end, .scheme = config.coupling.scheme};
+  link::Setup setup{.dim = config.run.dim,
+                    .t_begin = config.run.t_begin,
+                    .t_end = config.run.t_end,
+                    .scheme = config.coupling.scheme};
   for (const auto& i : config.coupling.interfaces)
     setup.interfaces.push_back(i.name);
 
@@ -96,7 +100,10 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
   while (!planner.finished())
   {
     plan = planner.next(report[Side::fluid].stable_dt, report[Side::solid].stable_dt);
-    const bool frame_due = plan.last || (config.frame_interval > 0.0 && plan.t_end >= config.run.t_begin + static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
+    const bool frame_due =
+        plan.last || (config.frame_interval > 0.0 &&
+                      plan.t_end >= config.run.t_begin +
+                                        static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
     frames += frame_due;
     for (const Side s : both_sides)
       partner[s]->send_window({.index = plan.index,

@@ -32,7 +32,8 @@ struct WindowRecord
 
 WindowRules rules_of(const CouplingConfig&);
 
-/// Couple one fluid and one solid until t_end (or until a participant asks to stop). `after_window` is called at t = 0 too.
+/// Couple one fluid and one solid until t_end (or until a participant asks to stop). `after_window` is called
+/// at t = 0 too.
 /// @returns number of windows
 /// @throws InputError if the surfaces do not meet (both participants are told), ProtocolError, NumericalError
 std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,

@@ -29,21 +29,27 @@ std::vector<std::string> columns_of(const std::string& field)
     return {"p[Pa]"};
   std::vector<std::string> columns;
   for (int i = 0; i < dim; ++i)
-    columns.push_back(field == "x" ? std::string(1, "xyz"[i]) + "[m]" : field + "_" + std::string(1, "xyz"[i]) + "[m/s]");
+    columns.push_back(field == "x" ? std::string(1, "xyz"[i]) + "[m]"
+                                   : field + "_" + std::string(1, "xyz"[i]) + "[m/s]");
   return columns;
 }
 
 } // namespace
 
 template <int dim>
-FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes, const Fluid<dim>& fluid)
+FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes,
+                              const Fluid<dim>& fluid)
     : config_(output), frames_(output.dir, "fluid"),
       energy_(output.dir, "fluid_energy",
-              fmt::format("energies of the fluid{}; kinetic + internal + potential + dissipated - interface_work - remeshing stays "
+              fmt::format("energies of the fluid{}; kinetic + internal + potential + dissipated - "
+                          "interface_work - remeshing stays "
                           "at its start up to O(dt^2)",
                           dim == 2 ? " per metre of depth" : ""),
-              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remeshing[J]", "interface_work[J]"}),
-      mass_(output.dir, "mass", fmt::format("mass of the nodes and volume of the elements{}", dim == 2 ? " per metre of depth" : ""),
+              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remeshing[J]",
+               "interface_work[J]"}),
+      mass_(output.dir, "mass",
+            fmt::format("mass of the nodes and volume of the elements{}",
+                        dim == 2 ? " per metre of depth" : ""),
             {"mass[kg]", "volume[m^dim]", "remeshes[]"}),
       mass_at_start_(fluid.mass())
 {
@@ -56,7 +62,9 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
     for (const auto& field : probe.fields)
     {
       if (field != "x" && field != "v" && field != "p")
-        throw InputError(fmt::format("probe '{}': the fluid has no field '{}'; it has x (position), v (velocity), p (pressure)", probe.name, field));
+        throw InputError(fmt::format(
+            "probe '{}': the fluid has no field '{}'; it has x (position), v (velocity), p (pressure)",
+            probe.name, field));
       for (auto& column : columns_of<dim>(field))
         columns.push_back(std::move(column));
     }
@@ -70,7 +78,8 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
       {
         double distance = 0.0;
         for (int i = 0; i < dim; ++i)
-          distance += (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]) * (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]);
+          distance += (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]) *
+                      (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]);
         if (distance < shortest)
         {
           shortest = distance;
@@ -78,7 +87,8 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
         }
       }
       id.push_back(nodes.id[nearest]);
-      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest], fmt::join(nodes.x[nearest].c, ", "));
+      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest],
+                               fmt::join(nodes.x[nearest].c, ", "));
     }
     else
     {
@@ -91,7 +101,8 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
           mask = SurfaceMask{1} << s;
       }
       if (mask == 0)
-        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}", probe.name, probe.surface, fmt::join(known, " ")));
+        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}",
+                                     probe.name, probe.surface, fmt::join(known, " ")));
       for (std::size_t n = 0; n < nodes.x.size(); ++n)
         if (nodes.surface[n] & mask)
           id.push_back(nodes.id[n]);
@@ -138,7 +149,8 @@ void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
   const FluidEnergy e = fluid.energy();
   energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remeshing, e.interface_work});
   const auto& nodes = fluid.nodes();
-  mass_.write(t, {fluid.mass(), std::accumulate(nodes.V.begin(), nodes.V.end(), 0.0), static_cast<double>(fluid.remeshes())});
+  mass_.write(t, {fluid.mass(), std::accumulate(nodes.V.begin(), nodes.V.end(), 0.0),
+                  static_cast<double>(fluid.remeshes())});
   if (probes_.empty())
     return;
   for (Probe& probe : probes_)
@@ -151,7 +163,9 @@ void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
       for (std::size_t n = 0; n < nodes.x.size(); ++n)
         if (std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]))
           for (int i = 0; i < components; ++i)
-            sum[static_cast<std::size_t>(i)] += field == "p" ? nodes.p[n] : field == "x" ? nodes.x[n][i] : nodes.v[n][i];
+            sum[static_cast<std::size_t>(i)] += field == "p"   ? nodes.p[n]
+                                                : field == "x" ? nodes.x[n][i]
+                                                               : nodes.v[n][i];
       for (const double s : sum)
         row.push_back(s / static_cast<double>(probe.id.size()));
     }

@@ -12,8 +12,9 @@
 namespace undine::fluid
 {
 
-/// Files of one run in `out_dir`: fluid.h5/.xdmf, history/<probe>.csv, history/fluid_energy.csv, history/mass.csv.
-/// A probe at a point follows the node that was nearest at the start; a probe on a surface is the mean over its nodes.
+/// Files of one run in `out_dir`: fluid.h5/.xdmf, history/<probe>.csv, history/fluid_energy.csv,
+/// history/mass.csv. A probe at a point follows the node that was nearest at the start; a probe on a surface
+/// is the mean over its nodes.
 template <int dim>
 class FluidOutput
 {

@@ -23,16 +23,18 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
   fluid::Fluid<dim> fluid(config);
   if (launch.line.check_only)
   {
-    fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step {:.4g} s\n",
+    fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step "
+               "{:.4g} s\n",
                fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
                config.tait.sound_speed(config.tait.rho0), fluid.critical_time_step());
     return;
   }
   const bool coupled = launch.coupling.present;
-  const link::World world = launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
+  const link::World world =
+      launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
   const auto log = make_log(launch.output.dir, launch.role, !coupled);
-  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s", launch.file.path(), fluid.nodes().size(),
-            fluid.mesh().n_elements(), fluid.n_wet(), fluid.critical_time_step());
+  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s", launch.file.path(),
+            fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), fluid.critical_time_step());
 
   fluid::FluidOutput<dim> output(launch.output, launch.probes, fluid);
   const auto begin = std::chrono::steady_clock::now();
@@ -54,11 +56,13 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
   summary.set("fluid.wall_s", wall);
   summary.set("fluid.wait_s", wait);
   summary.set("fluid.nodes", fluid.nodes().size());
-  summary.set("fluid.ns_per_node_step", 1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
+  summary.set("fluid.ns_per_node_step",
+              1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
   summary.set("fluid.remeshes", fluid.remeshes());
   summary.set("fluid.mass_drift", fluid.mass() / mass - 1.0);
   summary.write(launch.output.dir + "/fluid.json");
-  log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(), fluid.remeshes(), wall, wait);
+  log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(),
+            fluid.remeshes(), wall, wait);
 }
 
 void start(Launch& launch)

@@ -104,11 +104,13 @@ void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, c
       dt = ladder.next(dt, fluid.critical_time_step());
     }
     const double rest = run.t_end - t;
-    const double this_dt = rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left
+    const double this_dt =
+        rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left
     fluid.predict(this_dt);
     fluid.solve_free_motion(this_dt);
     t = rest <= dt ? run.t_end : t + this_dt;
-    const bool frame = t >= run.t_end || (frame_interval > 0.0 && t >= run.t_begin + static_cast<double>(frames) * frame_interval);
+    const bool frame = t >= run.t_end || (frame_interval > 0.0 &&
+                                          t >= run.t_begin + static_cast<double>(frames) * frame_interval);
     frames += frame;
     observe(t, fluid, frame);
   }

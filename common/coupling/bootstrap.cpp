@@ -407,7 +407,19 @@ std::string number_after(const std::string& text, const std::string& name, bool 
   return {};
 }
 
-/// Writes FAILED.toml whole or not at all, and never over that of a program that failed earlier.
+/// When this process started, before main().
+const time_t process_start = time(nullptr);
+
+/// A file of an earlier run in the same folder. The programs of one run start within seconds of each other.
+bool is_stale(const std::string& path)
+{
+  struct stat status
+  {
+  };
+  return stat(path.c_str(), &status) == 0 && status.st_mtime < process_start - 10;
+}
+
+/// Writes FAILED.toml whole or not at all, and never over that of a program of this run that failed earlier.
 void write_failed(const std::string& out_dir, int code, const std::string& role, int rank,
                   const std::string& text)
 {
@@ -434,7 +446,8 @@ void write_failed(const std::string& out_dir, int code, const std::string& role,
       fsync(file) == 0;
   close(file);
   // link() refuses to replace, rename() does not; some file systems have no links.
-  if (complete && ::link(temporary.c_str(), target.c_str()) != 0 && access(target.c_str(), F_OK) != 0)
+  if (complete && (is_stale(target) ||
+                   (::link(temporary.c_str(), target.c_str()) != 0 && access(target.c_str(), F_OK) != 0)))
     rename(temporary.c_str(), target.c_str());
   unlink(temporary.c_str());
 }

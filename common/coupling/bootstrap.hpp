@@ -60,12 +60,13 @@ private:
   std::unique_ptr<State> state_;
 };
 
-/// Print `text`, write FAILED.toml into `out_dir` (if not empty and not there yet) and
-/// MPI_Abort(MPI_COMM_WORLD, code); before MPI_Init or after MPI_Finalize _Exit(code).
+/// Print `text`, write FAILED.toml into `out_dir` (if not empty, and unless another program of this run
+/// already has), then MPI_Abort(MPI_COMM_WORLD, code); before MPI_Init and after MPI_Finalize _Exit(code). A
+/// step and a time are taken from the text where it says "step 12" and "t = 0.5".
+///
 /// When several programs see the same error only one shall speak: world rank 0 in the hand-shake, the coupler
 /// in the run. The others wait 0.3 s and more, five seconds if they announced the failure with a FAIL
-/// message, and are normally killed meanwhile. A FAILED.toml of an earlier run must have been removed at the
-/// start of this one.
+/// message, and are normally killed meanwhile.
 [[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
                               const std::string& out_dir);
 

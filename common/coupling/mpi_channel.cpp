@@ -63,9 +63,8 @@ public:
   void restart()
   {
     waited_ = 0.0;
-    turns_ = 0;
     warned_ = false;
-    running_ = false;
+    last_ = Clock::now();
   }
 
   enum class Verdict
@@ -77,14 +76,11 @@ public:
 
   Verdict pause()
   {
-    ++turns_;
-    if (turns_ <= spins)
-      return Verdict::wait;
     measure();
-    if (waited_ < yield_until)
-      sched_yield();
-    else
+    if (waited_ >= yield_until)
       sleep();
+    else if (waited_ >= spin_until)
+      sched_yield();
     if (stall_ > 0.0 && waited_ >= stall_)
       return Verdict::give_up;
     if (stall_ > 0.0 && waited_ >= 0.5 * stall_ && !warned_)
@@ -99,37 +95,31 @@ public:
   bool long_wait() const { return waited_ > yield_until; }
 
 private:
-  static constexpr int spins = 2000;
-  static constexpr double yield_until = 1e-3; // [s]
+  static constexpr double spin_until = 200e-6;  // [s], about 500 to 2000 turns
+  static constexpr double yield_until = 500e-6; // [s]
 
   void measure()
   {
+    // A job that was suspended as a whole (SIGSTOP, scontrol suspend) must not wake up into a stall: one turn
+    // of the loop counts as a second at most.
     const auto now = Clock::now();
-    if (running_)
-    {
-      // A job that was suspended as a whole (SIGSTOP, scontrol suspend) must not wake up into a stall: one
-      // turn of the loop counts as a second at most.
-      waited_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
-    }
-    running_ = true;
+    waited_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
     last_ = now;
   }
 
   void sleep() const
   {
-    // Two per cent of the time waited so far: the delay stays small against the wait, and so does the CPU
+    // Five per cent of the time waited so far: the delay stays small against the wait, and so does the CPU
     // time.
-    const double seconds = std::clamp(0.02 * waited_, 20e-6, 1e-3);
+    const double seconds = std::clamp(0.05 * waited_, 25e-6, 1e-3);
     const timespec duration{.tv_sec = 0, .tv_nsec = static_cast<long>(seconds * 1e9)};
     nanosleep(&duration, nullptr);
   }
 
   double stall_;
   double waited_ = 0.0;
-  int turns_ = 0;
   bool warned_ = false;
-  bool running_ = false;
-  Clock::time_point last_{};
+  Clock::time_point last_ = Clock::now();
 };
 
 } // namespace
