@@ -64,6 +64,8 @@ def mpirun_line(args, case, programs, ranks, out):
         common += ["--set", override]
     if args.until:
         common += ["--until", args.until]
+    if sys.stderr.isatty():  # mpirun hides the terminal from the programs
+        common += ["--progress", "1"]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
     lines = [[str(ROOT / "build" / args.build / "bin" / executable[p])] + common for p in programs]
     if args.check:

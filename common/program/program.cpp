@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 
 #include <mpi.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <exception>
@@ -106,6 +107,9 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
                   .output = read_output_config(*file, line.out_dir),
                   .coupling = read_coupling(*file),
                   .probes = read_probe_configs(*file, run.dim)};
+    launch.output.progress_interval = line.progress > 0.0          ? line.progress
+                                      : isatty(STDERR_FILENO) != 0 ? 1.0
+                                                                   : 30.0;
     file->reject_unknown_keys({"run", "output", "probe", "coupling", "interface"});
     body(launch);
     MPI_Finalize();

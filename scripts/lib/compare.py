@@ -1,7 +1,8 @@
 """Compare histories with the references that a case names in its [[reference]] tables.
 
 A reference: name, history and column (of our CSV), file, time and value (columns of the reference CSV), measure, tolerance, and
-optionally `when` ("table.key = value": only for that variant), `add` (another "file:column" added to the reference), `label`.
+optionally `when` ("table.key = value", or a list of them: only for that variant), `label`, and `add`: terms added to the curve, each with
+file, time, value and optionally `factor` and `when`.
 """
 import csv
 
@@ -19,20 +20,37 @@ def read_csv(path):
 
 
 def applies(reference, settings):
-    when = reference.get("when")
-    if not when:
-        return True
-    key, _, value = (part.strip() for part in when.partition("="))
-    return str(case_file.value_of(settings, key)) == value
+    """True if all conditions of `when` hold in the settings of this run."""
+    conditions = reference.get("when", [])
+    for condition in [conditions] if isinstance(conditions, str) else conditions:
+        key, _, value = (part.strip() for part in condition.partition("="))
+        if str(case_file.value_of(settings, key)) != value:
+            return False
+    return True
 
 
-def reference_curve(case, reference):
+def interpolate(t, t_known, y_known):
+    """Cubic through the four known points around each t (linear if there are fewer): references come in coarse steps."""
+    if len(t_known) < 4:
+        return np.interp(t, t_known, y_known)
+    first = np.clip(np.searchsorted(t_known, t) - 2, 0, len(t_known) - 4)
+    result = np.zeros(len(t))
+    for a in range(4):
+        weight = np.ones(len(t))
+        for b in range(4):
+            if b != a:
+                weight *= (t - t_known[first + b]) / (t_known[first + a] - t_known[first + b])
+        result += weight * y_known[first + a]
+    return result
+
+
+def reference_curve(case, reference, settings):
     table = read_csv(case.parent / reference["file"])
     t, y = table[reference["time"]], table[reference["value"]].copy()
     for term in reference.get("add", []):
-        file, column, sign = term["file"], term["value"], term.get("factor", 1.0)
-        other = read_csv(case.parent / file)
-        y += sign * np.interp(t, other[term["time"]], other[column])
+        if applies(term, settings):
+            other = read_csv(case.parent / term["file"])
+            y += term.get("factor", 1.0) * interpolate(t, other[term["time"]], other[term["value"]])
     return t, y
 
 
@@ -75,7 +93,7 @@ def measure(kind, t, y, t_ref, y_ref):
     if kind == "relative_L2":
         inside = (t >= t_ref[0]) & (t <= end)
         dt = np.gradient(t[inside])
-        target = np.interp(t[inside], t_ref, y_ref)
+        target = interpolate(t[inside], t_ref, y_ref)
         scale = np.sqrt(np.sum(dt * target**2))
         error = np.sqrt(np.sum(dt * (y[inside] - target) ** 2)) / scale
         return error, 0.0, error
@@ -91,7 +109,7 @@ def compare_all(case, settings, out):
     for reference in settings.get("reference", []):
         if not applies(reference, settings):
             continue
-        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference))
+        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings))
         results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
                         "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"])})
     return results
