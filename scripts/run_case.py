@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Run a case: build the mpirun line, run it, compare with the references, draw plots, write summary.json.
 
     scripts/run cases/elastic_column --set run.resolution=20 --out runs/coarse
@@ -177,6 +177,7 @@ def main():
                 if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
     if not programs:
         sys.exit(f"error: {case}: the case has neither [fluid] nor [solid]")
+    compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     lines = mpirun_line(args, case, programs, ranks, out)

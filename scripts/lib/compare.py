@@ -1,14 +1,50 @@
-"""Compare histories with the references that a case names in its [[reference]] tables.
-
-A reference: name, history and column (of our CSV), file, time and value (columns of the reference CSV), measure, tolerance, and
-optionally `when` ("table.key = value", or a list of them: only for that variant), `label`, and `add`: terms added to the curve, each with
-file, time, value and optionally `factor` and `when`.
-"""
+"""Compare histories with the references that a case names in its [[reference]] tables (the keys: REFERENCE_KEYS)."""
 import csv
+import difflib
+import sys
 
 import numpy as np
 
 from . import case as case_file
+
+# name: (type, default, meaning); docs/case-file.md is made from this.
+REFERENCE_KEYS = {
+    "name": ("text", "required", "name of the comparison in summary.json"),
+    "history": ("text", "required", "our curve: history/<history>.csv"),
+    "column": ("text", "required", "column of our curve, with its unit, such as \"u_y[m]\""),
+    "file": ("text", "required", "CSV file of the reference, relative to the case"),
+    "time": ("text", "required", "its column of times in s"),
+    "value": ("text", "required", "its column of values"),
+    "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
+                                    "period_of_minima: relative difference of the mean time between minima"),
+    "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
+    "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
+    "label": ("text", "the value's name", "name in the legend of the plot"),
+    "add": ("tables", "none", "terms added to the reference, each with file, time, value and optionally factor and when"),
+}
+TERM_KEYS = ("file", "time", "value", "factor", "when")
+
+
+def check_references(case, settings):
+    """End the script with exit code 2 at the first mistake in a [[reference]] table."""
+    def stop(k, text):
+        print(f"error: {case}: reference[{k}]: {text}", file=sys.stderr)
+        sys.exit(2)
+
+    for k, reference in enumerate(settings.get("reference", [])):
+        for table, known in [(reference, REFERENCE_KEYS)] + [(term, TERM_KEYS) for term in reference.get("add", [])]:
+            for key in table:
+                if key not in known:
+                    near = difflib.get_close_matches(key, known, 1)
+                    stop(k, f"unknown key '{key}'" + (f": did you mean '{near[0]}'?" if near else f": known are {', '.join(known)}"))
+        for key, (_, default, _) in REFERENCE_KEYS.items():
+            if default == "required" and key not in reference:
+                stop(k, f"missing key '{key}'")
+        if reference["measure"] not in MEASURES:
+            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}")
+        for table in [reference, *reference.get("add", [])]:
+            if not (case.parent / table["file"]).is_file():
+                stop(k, f"file = \"{table['file']}\": there is no such file beside the case")
 
 
 def read_csv(path):
@@ -87,6 +123,9 @@ def period(t, y):
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
 
 
+MEASURES = ("relative_L2", "period_of_minima")
+
+
 def measure(kind, t, y, t_ref, y_ref):
     """(value, reference value, error) of one comparison."""
     end = min(t[-1], t_ref[-1])
@@ -101,7 +140,7 @@ def measure(kind, t, y, t_ref, y_ref):
         keep = t_ref <= end
         value, target = period(t, y), period(t_ref[keep], y_ref[keep])
         return value, target, abs(value / target - 1.0)
-    raise ValueError(f"unknown measure '{kind}'; known: relative_L2, period_of_minima")
+    raise ValueError(f"unknown measure '{kind}'; known: {', '.join(MEASURES)}")
 
 
 def compare_all(case, settings, out):
