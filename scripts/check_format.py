@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Check that every C++ source is formatted as .clang-format says; --fix formats those that are not.
 
     scripts/check_format.py

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Check who includes whom, first lines and licence lines of all C++ sources.
 
     scripts/check_includes.py            # of this repository; prints each broken rule as file:line: text, exit code 1

@@ -28,10 +28,11 @@ struct RunConfig
 /// Table [output].
 struct OutputConfig
 {
-  std::string dir;               ///< output folder, from the command line
-  double frame_interval = 0.0;   ///< time between field frames [s]; 0: the first and the last only
-  double history_interval = 0.0; ///< time between rows of a history [s]; 0: every window or step
-  bool frames = true;            ///< write field frames at all
+  std::string dir;                 ///< output folder, from the command line
+  double frame_interval = 0.0;     ///< time between field frames [s]; 0: the first and the last only
+  double history_interval = 0.0;   ///< time between rows of a history [s]; 0: every window or step
+  bool frames = true;              ///< write field frames at all
+  double progress_interval = 30.0; ///< wall time between progress lines [s], from the command line
 };
 
 /// An entry of [[probe]]: a history at a point, or the mean over a named surface.
