@@ -67,7 +67,7 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     if (std::any_of(probes.begin(), probes.end(),
                     [&](const ProbeConfig& other) { return other.name == probe.name; }))
       table.fail("name", "another probe has this name");
-    const bool whole = probe.fields == std::vector<std::string>{"front"};
+    const bool whole = probe.fields.size() == 1 && (probe.fields[0] == "front" || probe.fields[0] == "hydrostatic_error");
     if (!whole && (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty()) != 1)
       table.fail("", "a probe needs one of 'point', 'surface' and (fluid) 'wall'");
     if (probe.fields.empty())
