@@ -42,6 +42,8 @@ struct ProbeConfig
   std::string on;                  ///< "fluid" or "solid"
   std::vector<double> point;       ///< dim coordinates [m]; empty if the probe is on a surface
   std::string surface;             ///< name of a surface; empty if the probe is at a point
+  double radius = 0.0;             ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
+  std::string wall;                ///< fluid: name of a wall whose force is measured
   std::vector<std::string> fields; ///< e.g. {"u", "v"} or {"p"}
 
   bool at_point() const { return !point.empty(); }
