@@ -68,8 +68,10 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
                     [&](const ProbeConfig& other) { return other.name == probe.name; }))
       table.fail("name", "another probe has this name");
     const bool whole = probe.fields == std::vector<std::string>{"front"};
-    if (!whole && (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty()) != 1)
-      table.fail("", "a probe needs one of 'point', 'surface' and (fluid) 'wall'");
+    const int places = (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty());
+    if (!whole && places != 1)
+      table.fail("", places == 0 ? "a probe needs a 'point', a 'surface' or (fluid) a 'wall'"
+                                 : "a probe has one of 'point', 'surface' and 'wall', not several");
     if (probe.fields.empty())
       table.fail("quantity", "a probe needs a 'quantity', such as \"u\" or [\"p\", \"v\"]");
     probes.push_back(std::move(probe));
