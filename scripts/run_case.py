@@ -53,18 +53,39 @@ def ranks_of(text, programs):
     return ranks
 
 
-def mpirun_line(args, case, programs, ranks, out):
+def foreign_command(words, case, binaries):
+    """Command of a program that a case names itself, such as ["python3", "my_solid.py"]: the words that are files beside the
+    case, and a first word that is one of our binaries, become paths; the rest is looked up as usual."""
+    if not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
+        sys.exit(f"error: {case}: program = {words}: write a list of words, such as [\"python3\", \"my_solid.py\"]")
+    folder = case.resolve().parent
+    command = [str(folder / word) if (folder / word).is_file() else word for word in words]
+    if command[0] == "python3":
+        command[0] = "/usr/bin/python3"  # Debian's, which has mpi4py
+    elif (binaries / command[0]).is_file():
+        command[0] = str(binaries / command[0])
+    elif shutil.which(command[0]) is None:
+        sys.exit(f"error: {case}: program = {words}: '{words[0]}' is neither beside the case, nor in {binaries}, nor in PATH")
+    return command
+
+
+def mpirun_line(args, case, settings, programs, ranks, out):
     """The command line, as a list. One program on one rank needs no mpirun."""
+    binaries = ROOT / "build" / args.build / "bin"
     executable = {"coupler": "coupler", "fluid": "fluid_pfem", "solid": "solid_fe"}
+    commands = {p: [str(binaries / executable[p])] for p in programs}
+    foreign = [p for p in programs if p != "coupler" and settings[p].get("program")]
+    for p in foreign:
+        commands[p] = foreign_command(settings[p]["program"], case, binaries)
     common = [str(case), "--out", str(out)]
     for override in args.set:
         common += ["--set", override]
     if args.until:
         common += ["--until", args.until]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
-    lines = [[str(ROOT / "build" / args.build / "bin" / executable[p])] + common for p in programs]
+    lines = [commands[p] + common for p in programs]
     if args.check:
-        return lines
+        return [commands[p] + common for p in programs if p not in foreign]
     if len(programs) == 1 and ranks[programs[0]] == 1:
         return [lines[0]]
     line = ["mpirun"]
@@ -86,6 +107,8 @@ def main():
         sys.exit(f"error: {case}: the case has neither [fluid] nor [solid]")
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    # where Python solvers find undine_link.py and the library
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "build" / args.build / "lib"), os.environ.get("PYTHONPATH")]))
 
     if not args.check:
         out.mkdir(parents=True, exist_ok=True)
@@ -93,17 +116,18 @@ def main():
             old.unlink(missing_ok=True)
         for old in ("history", "plots"):
             shutil.rmtree(out / old, ignore_errors=True)
+        (out / "history").mkdir()
 
     begin = time.monotonic()
     code = 0
-    for line in mpirun_line(args, case, programs, ranks, out):
+    for line in mpirun_line(args, case, settings, programs, ranks, out):
         if not args.check:
             print(" ".join(line), flush=True)
         code = subprocess.run(line, env=environment).returncode or code
     if args.check:
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
-            print("would run: " + " ".join(mpirun_line(would, case, programs, ranks, out)[0]))
+            print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))
         return 0 if code == 0 else (code if code in (2, 4) else 20)
 
     summary = {"status": "completed" if code == 0 else "failed", "exit_code": code, "wall_s": time.monotonic() - begin}
