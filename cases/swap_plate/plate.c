@@ -4,10 +4,10 @@
 #include <stdio.h>
 #include <string.h>
 
-#define N 9                             /* nodes along the plate */
-static const double width = 0.1;        /* [m] */
-static const double m = 1000.0;         /* mass per area [kg/m2] */
-static const double k = 1e9;            /* springs, force per area and displacement [N/m3] */
+#define N 9                              /* nodes along the plate */
+static const double width = 0.1;         /* [m] */
+static const double m = 1000.0;          /* mass per area [kg/m2] */
+static const double k = 1e9;             /* springs, force per area and displacement [N/m3] */
 static const double g[2] = {0.0, -10.0}; /* [m/s2] */
 
 int main(int argc, char** argv)
@@ -23,7 +23,9 @@ int main(int argc, char** argv)
   undine_arm("solid", 60.0);
   MPI_Init(&argc, &argv);
   int code = undine_open(&link, "solid", "plate in C", 60.0, 300.0);
-#define TRY(call) if ((code = (call)) != UNDINE_OK) undine_abort(link, code, NULL, out)
+#define TRY(call)                                                                                            \
+  if ((code = (call)) != UNDINE_OK)                                                                          \
+  undine_abort(link, code, NULL, out)
   TRY(code);
   TRY(undine_receive_setup(link, &setup));
 
