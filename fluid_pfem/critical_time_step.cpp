@@ -13,8 +13,7 @@ namespace undine::fluid
 namespace
 {
 
-/// ∂V_j/∂x_i for one i and all its neighbours j (i itself included): V_e∇N_i/(dim+1) summed over the shared
-/// elements.
+/// |∂V_j/∂x_i| for one i and all its neighbours j (i itself included): V_e∇N_i/(dim+1) summed over the shared elements.
 template <int dim>
 class RowOfB
 {
@@ -23,16 +22,46 @@ public:
   {
     neighbour_.clear();
     value_.clear();
-    for (const auto& entry : mesh.fan(i))
+    const auto fan = mesh.fan(i);
+    Vec<dim> own{};
+    if constexpr (dim == 2)
     {
-      std::array<Vec<dim>, dim> opposite;
-      for (std::size_t k = 0; k < dim; ++k)
-        opposite[k] = nodes.x[static_cast<std::size_t>(entry.opposite[k])];
-      const Vec<dim> part = (1.0 / (dim + 1)) * volume_gradient<dim, double>(opposite);
-      add(i, part);
-      for (const index_t j : entry.opposite)
-        add(j, part);
+      // Counter-clockwise fan: the edge i–j is shared by the entry that begins with j and the one before it.
+      Vec<2> last{};
+      for (std::size_t k = 0; k < fan.size(); ++k)
+      {
+        const Vec<2> part = part_of(nodes, fan[k]);
+        own += part;
+        const bool joined = k > 0 && fan[k - 1].opposite[1] == fan[k].opposite[0];
+        if (k > 0 && !joined)
+          add(fan[k - 1].opposite[1], last);
+        add(fan[k].opposite[0], joined ? last + part : part);
+        last = part;
+      }
+      if (!fan.empty())
+      {
+        if (fan.back().opposite[1] == fan.front().opposite[0])
+          value_.front() += last; // closed
+        else
+          add(fan.back().opposite[1], last);
+      }
     }
+    else
+      for (const auto& entry : fan)
+      {
+        const Vec<dim> part = part_of(nodes, entry);
+        own += part;
+        for (const index_t j : entry.opposite)
+        {
+          const auto it = std::find(neighbour_.begin(), neighbour_.end(), j);
+          if (it == neighbour_.end())
+            add(j, part);
+          else
+            value_[static_cast<std::size_t>(it - neighbour_.begin())] += part;
+        }
+      }
+    if (!fan.empty())
+      add(i, own);
   }
   template <class Visit>
   void for_each(Visit&& visit) const
@@ -42,16 +71,17 @@ public:
   }
 
 private:
+  static Vec<dim> part_of(const FluidNodes<dim>& nodes, const FanEntry<dim>& entry)
+  {
+    std::array<Vec<dim>, dim> opposite;
+    for (std::size_t k = 0; k < dim; ++k)
+      opposite[k] = nodes.x[static_cast<std::size_t>(entry.opposite[k])];
+    return (1.0 / (dim + 1)) * volume_gradient<dim, double>(opposite);
+  }
   void add(index_t j, const Vec<dim>& part)
   {
-    const auto it = std::find(neighbour_.begin(), neighbour_.end(), j);
-    if (it == neighbour_.end())
-    {
-      neighbour_.push_back(j);
-      value_.push_back(part);
-    }
-    else
-      value_[static_cast<std::size_t>(it - neighbour_.begin())] += part;
+    neighbour_.push_back(j);
+    value_.push_back(part);
   }
   std::vector<index_t> neighbour_;
   std::vector<Vec<dim>> value_;
@@ -61,7 +91,7 @@ private:
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const Viscosity& viscosity)
+                          const ElementTermsConfig& viscosity)
 {
   const index_t n_nodes = nodes.size();
   std::vector<double> column_sum(static_cast<std::size_t>(n_nodes), 0.0);
@@ -82,7 +112,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
           const auto k = static_cast<std::size_t>(j);
           sum += B * tait.tangent_modulus(nodes.p[k]) / nodes.V[k] * column_sum[k];
         });
-    omega_squared = std::max(omega_squared, sum / nodes.m[static_cast<std::size_t>(i)]);
+    if (sum > 0.0)
+      omega_squared = std::max(omega_squared, sum / nodes.inertia[static_cast<std::size_t>(i)]);
   }
   if (!(omega_squared > 0.0))
     return std::numeric_limits<double>::max();
@@ -121,8 +152,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
 }
 
 template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
-                                      const Viscosity&);
+                                      const ElementTermsConfig&);
 template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
-                                      const Viscosity&);
+                                      const ElementTermsConfig&);
 
 } // namespace undine::fluid

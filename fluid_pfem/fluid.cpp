@@ -6,6 +6,8 @@
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
+#include "fluid_pfem/remesh/old_domain.hpp"
+#include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <fmt/format.h>
@@ -37,14 +39,20 @@ std::string text(const Vec<dim>& x)
   return fmt::format("({:.6g})", fmt::join(x.c, ", "));
 }
 
-/// Shape of a simplex in (0, 1]: dim · inradius / circumradius.
 template <int dim>
-double quality(const std::array<Vec<dim>, dim + 1>& x)
+std::array<Vec<dim>, dim + 1> corners(const FluidNodes<dim>& nodes, const Simplex<dim>& e)
 {
-  double surface = 0.0;
-  for (const auto& g : volume_gradients<dim, double>(x))
-    surface += dim * norm(g);
-  return dim * (dim * signed_volume<dim, double>(x) / surface) / circumradius<dim>(x);
+  std::array<Vec<dim>, dim + 1> x;
+  for (std::size_t a = 0; a < x.size(); ++a)
+    x[a] = nodes.x[static_cast<std::size_t>(e[a])];
+  return x;
+}
+
+/// z, or 0 in the plane.
+template <int dim>
+double third(const Vec<dim>& x)
+{
+  return dim == 3 ? x[dim - 1] : 0.0;
 }
 
 } // namespace
@@ -67,27 +75,29 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
   Seeds<dim> seeds = seed_box<dim>(origin, size, config.element_size, config.seeding);
+  if (config.shape == Shape::ellipse)
+    seeds = cut_ellipse<dim>(seeds, origin, size, config.element_size);
+  contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
   const std::size_t n = seeds.x.size();
+  nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
   nodes_.surface = std::move(seeds.surface);
-  nodes_.v.resize(n);
-  nodes_.a.resize(n);
-  nodes_.m.resize(n);
-  nodes_.p.resize(n);
-  nodes_.V.resize(n);
   nodes_.h.assign(n, config.element_size);
-  nodes_.id.resize(n);
   std::iota(nodes_.id.begin(), nodes_.id.end(), global_index_t{0});
+  next_id_ = static_cast<global_index_t>(n);
   nodes_.rho.assign(n, config.tait.rho0);
   if (config.initial_pressure == InitialPressure::hydrostatic)
   {
     const Vec<dim> g = leading<dim>(config.gravity);
-    double highest = -1e300; // of the potential g·x, where p = p₀
+    double highest = -1e300; // of the potential −g·x, where p = p₀
     for (const auto& x : nodes_.x)
       highest = std::max(highest, -dot(g, x));
     for (std::size_t i = 0; i < n; ++i)
       nodes_.rho[i] = config.tait.hydrostatic_density(highest + dot(g, nodes_.x[i]));
   }
+  for (std::size_t i = 0; i < n && !config.initial_velocity.empty(); ++i)
+    for (int k = 0; k < dim; ++k)
+      nodes_.v[i][k] = config.initial_velocity[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
   triangulate();
 }
 
@@ -113,19 +123,22 @@ SurfaceMask Fluid<dim>::surface_bit(const std::string& name, const std::string& 
 template <int dim>
 void Fluid<dim>::predict(double dt)
 {
+  t_ += dt;
   const index_t n_nodes = nodes_.size();
   for (index_t n = 0; n < n_nodes; ++n)
+    nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
+  double fastest = 0.0; // squared
+  if (!contact_.empty())
   {
-    const auto i = static_cast<std::size_t>(n);
-    nodes_.v[i] += 0.5 * dt * nodes_.a[i];
-    nodes_.x[i] += dt * nodes_.v[i];
+    contact_.move_to(t_);
+    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a);
+    for (index_t n = 0; n < n_nodes; ++n)
+      fastest = std::max(fastest, norm_squared(nodes_.v[static_cast<std::size_t>(n)]));
   }
-  if (!config_.viscosity.none())
-  {
-    update_element_stress<dim>(mesh_, nodes_, config_.viscosity, config_.tait.sound_speed(config_.tait.rho0),
-                               stress_);
-    dissipated_ += dt * stress_.dissipation;
-  }
+  for (index_t n = 0; n < n_nodes; ++n)
+    nodes_.x[static_cast<std::size_t>(n)] += dt * nodes_.v[static_cast<std::size_t>(n)];
+  if (!contact_.empty() && contact_.candidates_expired(dt * std::sqrt(fastest)))
+    contact_.find_candidates(nodes_.x, config_.element_size);
 }
 
 template <int dim>
@@ -133,13 +146,45 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
   check_state(update_density_and_pressure<dim>(mesh_, config_.tait, nodes_, begin, end));
+  if (config_.least_pressure > -1e299)
+    for (index_t n = begin; n < end; ++n)
+      nodes_.p[static_cast<std::size_t>(n)] = std::max(nodes_.p[static_cast<std::size_t>(n)], config_.least_pressure);
+  if (!config_.surface_tension_allowed)
+    for (index_t n = begin; n < end; ++n)
+      if (nodes_.flag[static_cast<std::size_t>(n)] & on_free_surface)
+        nodes_.p[static_cast<std::size_t>(n)] = std::max(nodes_.p[static_cast<std::size_t>(n)], 0.0);
+}
+
+template <int dim>
+void Fluid<dim>::update_elements(index_t begin, index_t end)
+{
+  update_element_terms<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), begin, end, terms_);
+}
+
+template <int dim>
+void Fluid<dim>::add_body_force(index_t begin, index_t end)
+{
+  if (config_.body_force.empty())
+    return;
+  terms_.body.resize(nodes_.x.size());
+  for (index_t n = begin; n < end; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    for (int k = 0; k < dim; ++k)
+      terms_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), t_);
+    nodes_.a[i] += terms_.body[i];
+  }
 }
 
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
+  if (n_wet_ == 0)
+    return;
   update_state(0, n_layer_);
-  update_acceleration<dim>(mesh_, nodes_, stress_, body_force(), 0, n_wet_);
+  update_elements(0, e_wet_);
+  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_wet_, mass_rate_);
+  add_body_force(0, n_wet_);
   for (index_t n = 0; n < n_wet_; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
@@ -153,14 +198,40 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   const index_t n_nodes = nodes_.size();
   update_state(n_layer_, n_nodes);
-  update_acceleration<dim>(mesh_, nodes_, stress_, body_force(), n_wet_, n_nodes);
+  update_elements(e_wet_, mesh_.n_elements());
+  dissipated_ += dt * terms_.dissipation;
+  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), n_wet_, n_nodes, mass_rate_);
+  add_body_force(n_wet_, n_nodes);
   for (const index_t n : constrained_)
     if (n >= n_wet_)
       constrain(nodes_.a[static_cast<std::size_t>(n)], n);
   for (index_t n = n_wet_; n < n_nodes; ++n)
     nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
+  exchange_mass(dt);
   ++steps_;
   ++steps_since_remesh_;
+}
+
+/// m and M follow the stabilising flux; m also follows M, so that what remeshing did to the density field heals.
+template <int dim>
+void Fluid<dim>::exchange_mass(double dt)
+{
+  const bool flux = !terms_.z.empty(), feedback = config_.feedback_time > 0.0;
+  if (!flux && !feedback)
+    return;
+  const double rate = feedback ? sound_speed() / (config_.feedback_time * config_.element_size) : 0.0;
+  const double floor = config_.inertia_floor * regular_mass();
+  const index_t n_nodes = nodes_.size();
+  for (index_t n = 0; n < n_nodes; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    const double exchanged = flux ? dt * mass_rate_[i] : 0.0;
+    const double defect = std::clamp(nodes_.M[i] - nodes_.m[i], -0.2 * nodes_.m[i], 0.2 * nodes_.m[i]);
+    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * rate * defect);
+    nodes_.M[i] += exchanged;
+    if (n >= n_wet_) // the coupler was told the mass of the wet ones
+      nodes_.inertia[i] = std::max(nodes_.m[i], floor);
+  }
 }
 
 template <int dim>
@@ -180,7 +251,7 @@ void Fluid<dim>::correct_with_link(std::span<const double> f_link, double dt)
     Vec<dim> link, f_mean;
     for (int k = 0; k < dim; ++k)
     {
-      link[k] = f_link[i * dim + static_cast<std::size_t>(k)] / nodes_.m[i];
+      link[k] = f_link[i * dim + static_cast<std::size_t>(k)] / nodes_.inertia[i];
       f_mean[k] = 0.5 * (f_link[i * dim + static_cast<std::size_t>(k)] +
                          f_link_[i * dim + static_cast<std::size_t>(k)]);
     }
@@ -210,9 +281,17 @@ void Fluid<dim>::constrain(Vec<dim>& w, index_t n) const
 }
 
 template <int dim>
-Vec<dim> Fluid<dim>::body_force() const
+Vec<dim> Fluid<dim>::gravity() const
 {
-  return leading<dim>(config_.gravity);
+  const double ramp = config_.gravity_ramp > t_ ? 0.5 * (1.0 - std::cos(std::acos(-1.0) * t_ / config_.gravity_ramp)) : 1.0;
+  return ramp * leading<dim>(config_.gravity);
+}
+
+/// Mass of a node of a regular lattice: triangles in the plane, cubes in space.
+template <int dim>
+double Fluid<dim>::regular_mass() const
+{
+  return config_.tait.rho0 * (dim == 2 ? std::sqrt(0.75) : 1.0) * std::pow(config_.element_size, dim);
 }
 
 template <int dim>
@@ -233,47 +312,83 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.viscosity);
-}
-
-template <int dim>
-double Fluid<dim>::smallest_quality() const
-{
-  double worst = 1.0;
-  for (const auto& e : mesh_.elements)
-  {
-    std::array<Vec<dim>, dim + 1> x;
-    for (std::size_t a = 0; a < x.size(); ++a)
-      x[a] = nodes_.x[static_cast<std::size_t>(e[a])];
-    worst = std::min(worst, quality<dim>(x));
-  }
-  return worst;
+  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms);
 }
 
 template <int dim>
 bool Fluid<dim>::is_distorted() const
 {
-  if (config_.remesh_every > 0 && steps_since_remesh_ >= config_.remesh_every)
+  for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
+  {
+    const double q = quality<dim>(corners(nodes_, mesh_.elements[e]));
+    if (!(q >= std::min(config_.remesh.quality, 0.6 * static_cast<double>(quality_[e]))))
+      return true;
+  }
+  if (config_.remesh.every == 0 || steps_since_remesh_ < config_.remesh.every)
+    return false;
+  if (!config_.remesh.only_if_moved)
     return true;
-  return smallest_quality() < std::min(config_.remesh_quality, 0.6 * quality_at_remesh_);
+  // A mesh is still good if its nodes have only moved together.
+  Vec<dim> mean{};
+  for (std::size_t n = 0; n < x_remesh_.size(); ++n)
+    mean += (1.0 / static_cast<double>(x_remesh_.size())) * (nodes_.x[n] - x_remesh_[n]);
+  const double limit = 0.05 * config_.element_size;
+  for (std::size_t n = 0; n < x_remesh_.size(); ++n)
+    if (norm_squared(nodes_.x[n] - x_remesh_[n] - mean) > limit * limit)
+      return true;
+  return false;
 }
 
 template <int dim>
 void Fluid<dim>::remesh()
 {
   const double before = energy().total();
-  triangulate();
-  remeshing_energy_ += energy().total() - before;
-  ++remeshes_;
+  const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
+  auto pieces = wall_pieces();
+  for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
+  {
+    const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
+    nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
+  }
+  const SpacingReport spacing = refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, delaunay(nodes_.x), old, config_.remesh.shape);
+  mesh_ = connect<dim>(nodes_.size(), std::move(choice.elements));
+  delete_isolated_nodes();
+  finish_mesh();
+
+  ++ledger_.remeshes;
+  ledger_.merged += spacing.merged;
+  ledger_.split += spacing.split;
+  ledger_.created += choice.created;
+  ledger_.dropped += choice.dropped;
+  const double jump = energy().total() - before;
+  (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
 }
 
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  mesh_ =
-      connect<dim>(nodes_.size(), alpha_shape<dim>(nodes_.x, nodes_.h, config_.alpha, delaunay(nodes_.x)));
-  order_nodes();
+  mesh_ = connect<dim>(nodes_.size(), alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x)));
+  finish_mesh();
+  nodes_.M = nodes_.m;
+}
 
+template <int dim>
+std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
+{
+  std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
+  if (!contact_.empty())
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      pieces[n] = contact_.pieces_at(nodes_.x[n], 0.02 * nodes_.h[n]);
+  return pieces;
+}
+
+/// All that follows from positions, densities and connectivity.
+template <int dim>
+void Fluid<dim>::finish_mesh()
+{
+  order_nodes();
+  flag_nodes();
   const index_t n_nodes = nodes_.size();
   constrained_.clear();
   for (index_t n = 0; n < n_nodes; ++n)
@@ -290,23 +405,121 @@ void Fluid<dim>::triangulate()
     if (mesh_.isolated(n))
     {
       nodes_.rho[i] = config_.tait.rho0;
-      if (nodes_.m[i] == 0.0)
-        nodes_.m[i] = config_.tait.rho0 * std::pow(nodes_.h[i], dim);
+      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : regular_mass();
     }
     else
       nodes_.m[i] = nodes_.rho[i] * nodes_.V[i];
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
+    nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
   }
-  if (!config_.viscosity.none())
-    update_element_stress<dim>(mesh_, nodes_, config_.viscosity, config_.tait.sound_speed(config_.tait.rho0),
-                               stress_);
-  update_acceleration<dim>(mesh_, nodes_, stress_, body_force(), 0, n_nodes);
+  if (config_.feedback_time > 0.0 && nodes_.M.front() > 0.0)
+    smooth_mass_defect();
+
+  mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
+  terms_.body.clear();
+  e_wet_ = 0;
+  while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
+    ++e_wet_; // elements are sorted by their smallest node
+  update_elements(0, mesh_.n_elements());
+  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
+  add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
-  quality_at_remesh_ = smallest_quality();
+  x_remesh_ = nodes_.x;
+  quality_.resize(mesh_.elements.size());
+  for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
+    quality_[e] = static_cast<float>(quality<dim>(corners(nodes_, mesh_.elements[e])));
+  if (!contact_.empty())
+    contact_.find_candidates(nodes_.x, config_.element_size);
   ++surface_epoch_;
+}
+
+/// Boundary, free surface, wall, isolated: from the boundary facets and the walls.
+template <int dim>
+void Fluid<dim>::flag_nodes()
+{
+  const auto pieces = wall_pieces();
+  const index_t n_nodes = nodes_.size();
+  for (index_t n = 0; n < n_nodes; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    const bool wall = pieces[i][0] >= 0 || (nodes_.surface[i] & wall_mask_);
+    const bool alone = mesh_.isolated(n);
+    nodes_.flag[i] = static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
+    nodes_.alone[i] = alone ? static_cast<std::uint8_t>(std::min(nodes_.alone[i] + 1, 255)) : 0;
+  }
+  for (const auto& facet : mesh_.boundary)
+  {
+    SurfaceMask surface = wall_mask_ | wet_mask_;
+    std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
+    for (const index_t n : facet)
+    {
+      surface &= nodes_.surface[static_cast<std::size_t>(n)];
+      const auto& p = pieces[static_cast<std::size_t>(n)];
+      for (int& piece : shared)
+        if (std::find(p.begin(), p.end(), piece) == p.end())
+          piece = -1;
+    }
+    const bool bound = surface != 0 || std::any_of(shared.begin(), shared.end(), [](int piece) { return piece >= 0; });
+    for (const index_t n : facet)
+      nodes_.flag[static_cast<std::size_t>(n)] |= static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
+  }
+}
+
+template <int dim>
+void Fluid<dim>::delete_isolated_nodes()
+{
+  if (config_.remesh.delete_isolated_after == 0)
+    return;
+  std::vector<index_t> new_number(nodes_.x.size(), -1);
+  index_t kept = 0;
+  for (std::size_t n = 0; n < new_number.size(); ++n)
+  {
+    const bool deleted = mesh_.isolated(static_cast<index_t>(n)) && nodes_.alone[n] >= config_.remesh.delete_isolated_after;
+    if (!deleted)
+      new_number[n] = kept++;
+    else
+    {
+      ++ledger_.deleted_nodes;
+      ledger_.deleted_mass += nodes_.M[n];
+    }
+  }
+  if (kept == nodes_.size())
+    return;
+  nodes_.for_each_field(
+      [&](const char*, auto& field)
+      {
+        for (std::size_t n = 0; n < new_number.size(); ++n)
+          if (new_number[n] >= 0)
+            field[static_cast<std::size_t>(new_number[n])] = field[n];
+        field.resize(static_cast<std::size_t>(kept));
+      });
+  auto elements = std::move(mesh_.elements);
+  for (auto& e : elements)
+    for (index_t& n : e)
+      n = new_number[static_cast<std::size_t>(n)];
+  mesh_ = connect<dim>(kept, std::move(elements));
+}
+
+/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
+template <int dim>
+void Fluid<dim>::smooth_mass_defect()
+{
+  constexpr int sweeps = 5;
+  constexpr double share = 0.08;
+  for (int sweep = 0; sweep < sweeps; ++sweep)
+    for (const auto& e : mesh_.elements)
+      for (std::size_t a = 0; a <= dim; ++a)
+        for (std::size_t b = a + 1; b <= dim; ++b)
+        {
+          const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
+          const double flux = share * ((nodes_.M[i] - nodes_.m[i]) - (nodes_.M[j] - nodes_.m[j]));
+          nodes_.M[i] -= flux;
+          nodes_.M[j] += flux;
+        }
 }
 
 namespace
@@ -383,7 +596,7 @@ template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
   FluidEnergy e;
-  const Vec<dim> g = body_force();
+  const Vec<dim> g = gravity();
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
     e.kinetic += 0.5 * nodes_.m[i] * norm_squared(nodes_.v[i]);
@@ -391,15 +604,29 @@ FluidEnergy Fluid<dim>::energy() const
     e.potential -= nodes_.m[i] * dot(g, nodes_.x[i]);
   }
   e.dissipated = dissipated_;
-  e.remeshing = remeshing_energy_;
+  e.remesh_gain = remesh_gain_;
+  e.remesh_loss = remesh_loss_;
+  e.wall_work = wall_work_;
   e.interface_work = interface_work_;
   return e;
 }
 
 template <int dim>
-double Fluid<dim>::mass() const
+FluidMass Fluid<dim>::mass_by_state() const
 {
-  return std::accumulate(nodes_.m.begin(), nodes_.m.end(), 0.0);
+  FluidMass mass;
+  for (std::size_t i = 0; i < nodes_.x.size(); ++i)
+  {
+    const bool flies = nodes_.flag[i] & isolated_node;
+    (flies ? mass.flying : mass.meshed) += nodes_.M[i];
+    if (!flies)
+    {
+      mass.dynamic += nodes_.m[i];
+      mass.volume += nodes_.V[i];
+    }
+  }
+  mass.deleted = ledger_.deleted_mass;
+  return mass;
 }
 
 template <int dim>
@@ -427,7 +654,7 @@ link::SurfaceMesh Fluid<dim>::wet_surface() const
     for (int row = 0; row < dim; ++row)
     {
       Vec<dim> e{};
-      e[row] = 1.0 / nodes_.m[i];
+      e[row] = 1.0 / nodes_.inertia[i];
       constrain(e, n); // a projection: symmetric, so rows are columns
       s.inverse_mass.insert(s.inverse_mass.end(), e.c.begin(), e.c.end());
     }
@@ -465,7 +692,7 @@ link::Kinematics Fluid<dim>::kinematics() const
   {
     Vec<dim> link{};
     for (int c = 0; c < dim; ++c)
-      link[c] = f_link_[i * dim + static_cast<std::size_t>(c)] / nodes_.m[i];
+      link[c] = f_link_[i * dim + static_cast<std::size_t>(c)] / nodes_.inertia[i];
     constrain(link, static_cast<index_t>(i));
     const Vec<dim> a_free = nodes_.a[i] - link;
     k.v.insert(k.v.end(), nodes_.v[i].c.begin(), nodes_.v[i].c.end());
@@ -484,8 +711,8 @@ void Fluid<dim>::apply_activation(const link::Activation& activation)
     for (int c = 0; c < dim; ++c)
     {
       const auto k = i * dim + static_cast<std::size_t>(c);
-      dv[c] = activation.impulse[k] / nodes_.m[i];
-      da[c] = activation.link_force[k] / nodes_.m[i];
+      dv[c] = activation.impulse[k] / nodes_.inertia[i];
+      da[c] = activation.link_force[k] / nodes_.inertia[i];
     }
     constrain(dv, static_cast<index_t>(i));
     constrain(da, static_cast<index_t>(i));

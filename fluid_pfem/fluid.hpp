@@ -7,6 +7,7 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/seeding.hpp"
+#include "fluid_pfem/walls.hpp"
 
 #include <cstdint>
 #include <span>
@@ -21,10 +22,33 @@ struct FluidEnergy
   double internal = 0.0;       ///< Σ m e(ρ)
   double potential = 0.0;      ///< −Σ m g·x
   double dissipated = 0.0;     ///< by viscosity and bulk viscosity, cumulated
-  double remeshing = 0.0;      ///< jumps of the three first at remeshes, cumulated
+  double remesh_gain = 0.0;    ///< rises of the sum of the three first at remeshes, cumulated, ≥ 0
+  double remesh_loss = 0.0;    ///< falls of it, cumulated, ≤ 0
+  double wall_work = 0.0;      ///< done by contact with rigid walls on the fluid, cumulated
   double interface_work = 0.0; ///< done by link forces on the fluid, cumulated
 
   double total() const { return kinetic + internal + potential; }
+};
+
+/// What remeshing did so far. Volumes in m^dim.
+struct RemeshLedger
+{
+  std::int64_t remeshes = 0, merged = 0, split = 0, deleted_nodes = 0;
+  double created = 0.0;      ///< volume that became fluid (gaps closed)
+  double dropped = 0.0;      ///< volume that was fluid and is not any more (holes, films)
+  double deleted_mass = 0.0; ///< of isolated nodes that were deleted [kg]
+};
+
+/// Mass by state. Particle mass is conserved to round-off: meshed + flying + deleted.
+struct FluidMass
+{
+  double meshed = 0.0;  ///< Σ M of nodes in elements [kg]
+  double flying = 0.0;  ///< Σ M of isolated nodes
+  double deleted = 0.0;
+  double dynamic = 0.0; ///< Σ m of nodes in elements
+  double volume = 0.0;  ///< of the elements [m^dim]
+
+  double total() const { return meshed + flying + deleted; }
 };
 
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
@@ -58,6 +82,7 @@ public:
   /// New connectivity at a synchronised time: p, ρ and v of every node stay, m ← ρV, accelerations are
   /// recomputed (without link).
   void remesh();
+  double time() const { return t_; } ///< [s]
 
   // --- what others ask for
   // ------------------------------------------------------------------------------------------
@@ -66,11 +91,15 @@ public:
   const FluidConfig& config() const { return config_; }
   const std::vector<PlaneSurface<dim>>& surfaces() const { return surfaces_; }
   index_t n_wet() const { return n_wet_; }
-  std::int64_t remeshes() const { return remeshes_; }
+  const RemeshLedger& ledger() const { return ledger_; }
+  std::int64_t remeshes() const { return ledger_.remeshes; }
+  const Walls<dim>& walls() const { return contact_; }
+  Walls<dim>& walls() { return contact_; }
   std::int64_t steps() const { return steps_; }
 
   FluidEnergy energy() const;
-  double mass() const;
+  FluidMass mass_by_state() const;
+  double mass() const { return mass_by_state().total(); } ///< particle mass [kg]
   Vec<dim> momentum() const;
 
   link::SurfaceMesh wet_surface() const;
@@ -86,29 +115,45 @@ public:
 
 private:
   void triangulate();
+  void finish_mesh();
   void order_nodes();
+  void flag_nodes();
+  void delete_isolated_nodes();
+  void smooth_mass_defect();
+  std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
+  void update_elements(index_t begin, index_t end);
+  void add_body_force(index_t begin, index_t end);
+  void exchange_mass(double dt);
   void check_state(index_t bad_node) const;
-  Vec<dim> body_force() const;
+  Vec<dim> gravity() const;
+  double regular_mass() const;
+  double sound_speed() const { return config_.tait.sound_speed(config_.tait.rho0); }
   SurfaceMask surface_bit(const std::string& name, const std::string& what) const;
-  double smallest_quality() const;
 
   FluidConfig config_;
   std::vector<PlaneSurface<dim>> surfaces_;
   std::vector<WallKind> wall_kind_; ///< per surface; meaningful where wall_mask_ is set
   SurfaceMask wall_mask_ = 0, wet_mask_ = 0;
+  Walls<dim> contact_;
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
-  ElementStress<dim> stress_;
+  ElementTerms<dim> terms_;
+  std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
   index_t n_wet_ = 0;                ///< nodes on an interface
   index_t n_layer_ = 0;              ///< wet nodes and their neighbours
-  std::vector<index_t> constrained_; ///< nodes on walls
+  index_t e_wet_ = 0;                ///< elements that touch wet nodes
+  std::vector<index_t> constrained_; ///< nodes on walls of the box
   std::vector<double> f_link_;       ///< last link force, n_wet × dim
-  double quality_at_remesh_ = 1.0;
-  std::int64_t steps_ = 0, steps_since_remesh_ = 0, remeshes_ = 0;
+  std::vector<float> quality_;       ///< of each element at the last remesh
+  std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
+  global_index_t next_id_ = 0;
+  double t_ = 0.0;
+  std::int64_t steps_ = 0, steps_since_remesh_ = 0;
   std::uint32_t surface_epoch_ = 0;
-  double dissipated_ = 0.0, remeshing_energy_ = 0.0, interface_work_ = 0.0;
+  RemeshLedger ledger_;
+  double dissipated_ = 0.0, remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, wall_work_ = 0.0;
 };
 
 } // namespace undine::fluid

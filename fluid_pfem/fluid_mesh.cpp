@@ -27,6 +27,28 @@ Simplex<dim> canonical(const Simplex<dim>& e)
   return c;
 }
 
+/// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as that is possible.
+void chain(std::span<FanEntry<2>> fan)
+{
+  // An open fan begins where no other entry ends.
+  for (std::size_t k = 0; k < fan.size(); ++k)
+  {
+    const bool follows = std::any_of(fan.begin(), fan.end(), [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
+    if (!follows)
+    {
+      std::swap(fan[0], fan[k]);
+      break;
+    }
+  }
+  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
+    for (std::size_t l = k + 1; l < fan.size(); ++l)
+      if (fan[l].opposite[0] == fan[k].opposite[1])
+      {
+        std::swap(fan[k + 1], fan[l]);
+        break;
+      }
+}
+
 template <int dim>
 struct OrientedFacet
 {
@@ -74,6 +96,9 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
       facets.push_back(facet);
     }
   }
+  if constexpr (dim == 2)
+    for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
+      chain({mesh.fans.data() + mesh.fan_begin[n], mesh.fans.data() + mesh.fan_begin[n + 1]});
   std::sort(facets.begin(), facets.end(), [](const auto& a, const auto& b) { return a.sorted < b.sorted; });
   for (std::size_t f = 0; f < facets.size(); ++f)
   {

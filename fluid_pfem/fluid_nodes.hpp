@@ -12,6 +12,15 @@ namespace undine::fluid
 
 using SurfaceMask = std::uint32_t; ///< bit s: the node lies on named surface s
 
+/// What a node is since the last remesh.
+enum NodeFlag : std::uint8_t
+{
+  on_boundary = 1,     ///< on a boundary facet, or isolated
+  on_free_surface = 2, ///< on a boundary facet that is neither wall nor interface
+  on_wall = 4,         ///< on a rigid wall
+  isolated_node = 8    ///< in no element: flies
+};
+
 /// Structure of arrays; row n of every field belongs to node n. Wet (interface) nodes come first.
 template <int dim>
 struct FluidNodes
@@ -19,13 +28,17 @@ struct FluidNodes
   std::vector<Vec<dim>> x;          ///< position [m]
   std::vector<Vec<dim>> v;          ///< velocity [m/s]
   std::vector<Vec<dim>> a;          ///< acceleration, link included [m/s²]
-  std::vector<double> m;            ///< lumped mass [kg], per unit thickness in 2-D
+  std::vector<double> m;            ///< mass of the density field, m = ρV [kg], per unit thickness in 2-D
+  std::vector<double> M;            ///< particle mass: conserved to round-off, moved only by exchange between nodes [kg]
+  std::vector<double> inertia;      ///< mass of Newton's law: m, but not below a fraction of a regular node's; wet nodes: as told to the coupler [kg]
   std::vector<double> rho;          ///< density [kg/m³]
   std::vector<double> p;            ///< pressure [Pa]
   std::vector<double> V;            ///< nodal volume [m^dim]
   std::vector<double> h;            ///< wanted spacing [m]
   std::vector<SurfaceMask> surface; ///< named surfaces the node lies on
   std::vector<global_index_t> id;   ///< for ever
+  std::vector<std::uint8_t> flag;     ///< NodeFlag
+  std::vector<std::uint8_t> alone;    ///< remeshes it has been isolated for
 
   index_t size() const { return static_cast<index_t>(x.size()); }
 
@@ -38,12 +51,16 @@ struct FluidNodes
     visit("v", v);
     visit("a", a);
     visit("m", m);
+    visit("M", M);
+    visit("inertia", inertia);
     visit("rho", rho);
     visit("p", p);
     visit("V", V);
     visit("h", h);
     visit("surface", surface);
     visit("id", id);
+    visit("flag", flag);
+    visit("alone", alone);
   }
 };
 

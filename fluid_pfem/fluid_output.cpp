@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -34,6 +35,37 @@ std::vector<std::string> columns_of(const std::string& field)
   return columns;
 }
 
+template <int dim>
+Vec<dim> as_point(const std::vector<double>& point)
+{
+  Vec<dim> p;
+  for (int i = 0; i < dim; ++i)
+    p[i] = point[static_cast<std::size_t>(i)];
+  return p;
+}
+
+/// Highest boundary facet above the point's horizontal position; in space the nearest boundary node within one spacing.
+template <int dim>
+double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
+{
+  const auto& x = fluid.nodes().x;
+  double highest = std::numeric_limits<double>::lowest();
+  for (const auto& facet : fluid.mesh().boundary)
+    if constexpr (dim == 2)
+    {
+      const Vec<2>&a = x[static_cast<std::size_t>(facet[0])], &b = x[static_cast<std::size_t>(facet[1])];
+      if ((a[0] - point[0]) * (b[0] - point[0]) <= 0.0 && a[0] != b[0])
+        highest = std::max(highest, a[1] + (point[0] - a[0]) / (b[0] - a[0]) * (b[1] - a[1]));
+      else if (a[0] == point[0])
+        highest = std::max(highest, a[1]);
+    }
+    else
+      for (const index_t n : facet)
+        if (const auto& p = x[static_cast<std::size_t>(n)]; std::hypot(p[0] - point[0], p[2] - point[2]) < fluid.config().element_size)
+          highest = std::max(highest, p[1]);
+  return highest;
+}
+
 } // namespace
 
 template <int dim>
@@ -41,76 +73,107 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
                               const Fluid<dim>& fluid)
     : config_(output), frames_(output.dir, "fluid"),
       energy_(output.dir, "fluid_energy",
-              fmt::format("energies of the fluid{}; kinetic + internal + potential + dissipated - "
-                          "interface_work - remeshing stays "
-                          "at its start up to O(dt^2)",
+              fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + dissipated - interface_work - wall_work - "
+                          "remesh_gain - remesh_loss changes only by what the stabilisation moves",
                           dim == 2 ? " per metre of depth" : ""),
-              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remeshing[J]",
+              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]", "remesh_loss[J]", "wall_work[J]",
                "interface_work[J]"}),
       mass_(output.dir, "mass",
-            fmt::format("mass of the nodes and volume of the elements{}",
+            fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; volume_error = rho0 volume / "
+                        "meshed - 1; created and dropped: volume by decision of all remeshes",
                         dim == 2 ? " per metre of depth" : ""),
-            {"mass[kg]", "volume[m^dim]", "remeshes[]"}),
-      mass_at_start_(fluid.mass())
+            {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]", "created[m^dim]", "dropped[m^dim]",
+             "nodes[]", "merged[]", "split[]", "remeshes[]"}),
+      rho0_(fluid.config().tait.rho0)
+{
+  for (const ProbeConfig& probe : probes)
+    if (probe.on == "fluid")
+      probes_.push_back(make_probe(probe, fluid));
+}
+
+template <int dim>
+typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const
 {
   const auto& nodes = fluid.nodes();
-  for (const ProbeConfig& probe : probes)
+  Probe result{.config = probe};
+  std::vector<std::string> columns;
+  const auto allow = [&](std::initializer_list<const char*> fields)
   {
-    if (probe.on != "fluid")
-      continue;
-    std::vector<std::string> columns;
     for (const auto& field : probe.fields)
-    {
-      if (field != "x" && field != "v" && field != "p")
-        throw InputError(fmt::format(
-            "probe '{}': the fluid has no field '{}'; it has x (position), v (velocity), p (pressure)",
-            probe.name, field));
+      if (std::find(fields.begin(), fields.end(), field) == fields.end())
+        throw InputError(fmt::format("probe '{}': quantity '{}' is not measured there; possible: {}", probe.name, field,
+                                     fmt::join(std::vector<std::string>(fields.begin(), fields.end()), ", ")));
+  };
+  const auto names_of = [](const auto& list, auto&& name)
+  {
+    std::vector<std::string> names;
+    for (const auto& item : list)
+      names.push_back(name(item));
+    return names;
+  };
+  std::string definition;
+  if (!probe.wall.empty())
+  {
+    allow({"F"});
+    const auto known = names_of(fluid.walls().geometry(), [](const auto& g) { return g.name; });
+    const auto it = std::find(known.begin(), known.end(), probe.wall);
+    if (it == known.end())
+      throw InputError(fmt::format("probe '{}': the fluid has no wall '{}'. Walls that can be met and left: {}", probe.name, probe.wall,
+                                   fmt::join(known, " ")));
+    result.wall = it - known.begin();
+    definition = "force of the fluid on the wall: contact impulse since the last row over the time since then";
+    for (int i = 0; i < dim; ++i)
+      columns.push_back(fmt::format("F_{}[N]", "xyz"[i]));
+  }
+  else if (probe.fields == std::vector<std::string>{"front"})
+  {
+    definition = "largest x of the nodes that belong to elements";
+    columns = {"x[m]"};
+  }
+  else if (probe.fields == std::vector<std::string>{"elevation"})
+  {
+    definition = "highest point of the fluid's boundary above x = point[0]";
+    columns = {"y[m]"};
+  }
+  else
+  {
+    allow({"x", "v", "p"});
+    for (const auto& field : probe.fields)
       for (auto& column : columns_of<dim>(field))
         columns.push_back(std::move(column));
+    if (!probe.surface.empty())
+    {
+      const auto known = names_of(fluid.surfaces(), [](const auto& s) { return s.name; });
+      const auto it = std::find(known.begin(), known.end(), probe.surface);
+      if (it == known.end())
+        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}", probe.name, probe.surface,
+                                     fmt::join(known, " ")));
+      for (std::size_t n = 0; n < nodes.x.size(); ++n)
+        if (nodes.surface[n] >> (it - known.begin()) & 1)
+          result.id.push_back(nodes.id[n]);
+      definition = fmt::format("mean over the {} nodes of surface '{}'", result.id.size(), probe.surface);
     }
-    std::vector<global_index_t> id;
-    std::string definition;
-    if (probe.at_point())
+    else if (probe.radius > 0.0)
+      definition = fmt::format("fixed gauge: mean over the nodes within {:.6g} m of the point, 0 when dry", probe.radius);
+    else
     {
       std::size_t nearest = 0;
       double shortest = std::numeric_limits<double>::infinity();
       for (std::size_t n = 0; n < nodes.x.size(); ++n)
-      {
-        double distance = 0.0;
-        for (int i = 0; i < dim; ++i)
-          distance += (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]) *
-                      (nodes.x[n][i] - probe.point[static_cast<std::size_t>(i)]);
-        if (distance < shortest)
+        if (const double d = norm(nodes.x[n] - as_point<dim>(probe.point)); d < shortest)
         {
-          shortest = distance;
+          shortest = d;
           nearest = n;
         }
-      }
-      id.push_back(nodes.id[nearest]);
-      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest],
-                               fmt::join(nodes.x[nearest].c, ", "));
+      result.id.push_back(nodes.id[nearest]);
+      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest], fmt::join(nodes.x[nearest].c, ", "));
     }
-    else
-    {
-      std::vector<std::string> known;
-      SurfaceMask mask = 0;
-      for (std::size_t s = 0; s < fluid.surfaces().size(); ++s)
-      {
-        known.push_back(fluid.surfaces()[s].name);
-        if (known.back() == probe.surface)
-          mask = SurfaceMask{1} << s;
-      }
-      if (mask == 0)
-        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}",
-                                     probe.name, probe.surface, fmt::join(known, " ")));
-      for (std::size_t n = 0; n < nodes.x.size(); ++n)
-        if (nodes.surface[n] & mask)
-          id.push_back(nodes.id[n]);
-      definition = fmt::format("mean over the {} nodes of surface '{}'", id.size(), probe.surface);
-    }
-    std::sort(id.begin(), id.end());
-    probes_.push_back({std::move(id), probe.fields, History(output.dir, probe.name, definition, columns)});
   }
+  if (!probe.point.empty())
+    definition += fmt::format("; point ({:.6g}) m", fmt::join(probe.point, ", "));
+  std::sort(result.id.begin(), result.id.end());
+  result.history = std::make_unique<History>(config_.dir, probe.name, definition, columns);
+  return result;
 }
 
 template <int dim>
@@ -147,30 +210,65 @@ template <int dim>
 void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
-  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remeshing, e.interface_work});
+  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss, e.wall_work, e.interface_work});
   const auto& nodes = fluid.nodes();
-  mass_.write(t, {fluid.mass(), std::accumulate(nodes.V.begin(), nodes.V.end(), 0.0),
-                  static_cast<double>(fluid.remeshes())});
-  if (probes_.empty())
-    return;
+  const FluidMass m = fluid.mass_by_state();
+  const RemeshLedger& r = fluid.ledger();
+  mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume, m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created,
+                  r.dropped, static_cast<double>(nodes.size()), static_cast<double>(r.merged), static_cast<double>(r.split),
+                  static_cast<double>(r.remeshes)});
   for (Probe& probe : probes_)
+    probe.history->write(t, measure(probe, t, fluid));
+}
+
+template <int dim>
+std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Fluid<dim>& fluid) const
+{
+  const auto& nodes = fluid.nodes();
+  if (probe.wall >= 0)
   {
-    std::vector<double> row;
-    for (const auto& field : probe.fields)
-    {
-      const int components = field == "p" ? 1 : dim;
-      std::vector<double> sum(static_cast<std::size_t>(components), 0.0);
-      for (std::size_t n = 0; n < nodes.x.size(); ++n)
-        if (std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]))
-          for (int i = 0; i < components; ++i)
-            sum[static_cast<std::size_t>(i)] += field == "p"   ? nodes.p[n]
-                                                : field == "x" ? nodes.x[n][i]
-                                                               : nodes.v[n][i];
-      for (const double s : sum)
-        row.push_back(s / static_cast<double>(probe.id.size()));
-    }
-    probe.history.write(t, row);
+    const Vec<dim> impulse = fluid.walls().impulse()[static_cast<std::size_t>(probe.wall)], since = impulse - probe.last_impulse;
+    std::vector<double> force(dim, 0.0);
+    for (int i = 0; i < dim && t > probe.last_t; ++i)
+      force[static_cast<std::size_t>(i)] = since[i] / (t - probe.last_t);
+    probe.last_impulse = impulse;
+    probe.last_t = t;
+    return force;
   }
+  if (probe.config.fields.front() == "front")
+  {
+    double front = std::numeric_limits<double>::lowest();
+    for (std::size_t n = 0; n < nodes.x.size(); ++n)
+      if (!(nodes.flag[n] & isolated_node))
+        front = std::max(front, nodes.x[n][0]);
+    return {front};
+  }
+  if (probe.config.fields.front() == "elevation")
+    return {elevation(fluid, probe.config.point)};
+
+  const auto chosen = [&](std::size_t n)
+  {
+    if (probe.config.radius > 0.0)
+      return !(nodes.flag[n] & isolated_node) && norm(nodes.x[n] - as_point<dim>(probe.config.point)) <= probe.config.radius;
+    return std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]);
+  };
+  std::vector<double> row;
+  for (const auto& field : probe.config.fields)
+  {
+    std::vector<double> sum(field == "p" ? 1 : dim, 0.0);
+    int count = 0;
+    for (std::size_t n = 0; n < nodes.x.size(); ++n)
+    {
+      if (!chosen(n))
+        continue;
+      ++count;
+      for (std::size_t i = 0; i < sum.size(); ++i)
+        sum[i] += field == "p" ? nodes.p[n] : field == "x" ? nodes.x[n][static_cast<int>(i)] : nodes.v[n][static_cast<int>(i)];
+    }
+    for (const double s : sum)
+      row.push_back(count > 0 ? s / count : 0.0);
+  }
+  return row;
 }
 
 template class FluidOutput<2>;

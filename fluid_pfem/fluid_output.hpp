@@ -6,6 +6,8 @@
 #include "common/io/history.hpp"
 #include "fluid_pfem/fluid.hpp"
 
+#include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -29,10 +31,15 @@ public:
 private:
   struct Probe
   {
+    ProbeConfig config;
     std::vector<global_index_t> id; ///< nodes of the mean
-    std::vector<std::string> fields;
-    History history;
+    std::ptrdiff_t wall = -1;       ///< whose force is measured
+    Vec<dim> last_impulse{};
+    double last_t = 0.0;
+    std::unique_ptr<History> history;
   };
+  Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
+  std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;
   void write_rows(double t, const Fluid<dim>& fluid);
 
   OutputConfig config_;
@@ -40,7 +47,7 @@ private:
   std::vector<Probe> probes_;
   History energy_, mass_;
   double next_row_ = 0.0;
-  double mass_at_start_ = 0.0;
+  double rho0_ = 0.0;
 };
 
 } // namespace undine::fluid

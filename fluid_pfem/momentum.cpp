@@ -10,64 +10,80 @@
 namespace undine::fluid
 {
 
-template <int dim>
-void update_element_stress(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                           const Viscosity& viscosity, double c0, ElementStress<dim>& stress)
+namespace
 {
-  const bool bulk = viscosity.bulk_linear > 0.0 || viscosity.bulk_quadratic > 0.0;
-  const bool shear = viscosity.mu > 0.0;
-  stress.q.resize(bulk ? mesh.elements.size() : 0);
-  stress.tau.resize(shear ? mesh.elements.size() : 0);
-  stress.dissipation = 0.0;
-  if (!bulk && !shear)
-    return;
-  for (std::size_t e = 0; e < mesh.elements.size(); ++e)
+
+template <bool bulk, bool shear, bool exchange, int dim>
+void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
+                  const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms)
+{
+  const double weight = 1.0 / (dim + 1), alpha = config.residual * std::sqrt(2.0 * dim) / c0;
+  const double with_a = config.residual_with_acceleration ? 1.0 : 0.0;
+  double dissipation = 0.0;
+  for (index_t e = begin; e < end; ++e)
   {
+    const auto k = static_cast<std::size_t>(e);
+    const Simplex<dim>& corner = mesh.elements[k];
     std::array<Vec<dim>, dim + 1> x;
     double rho = 0.0;
     for (std::size_t a = 0; a <= dim; ++a)
     {
-      x[a] = nodes.x[static_cast<std::size_t>(mesh.elements[e][a])];
-      rho += nodes.rho[static_cast<std::size_t>(mesh.elements[e][a])] * (1.0 / (dim + 1));
+      x[a] = nodes.x[static_cast<std::size_t>(corner[a])];
+      rho += weight * nodes.rho[static_cast<std::size_t>(corner[a])];
     }
-    const double V = signed_volume<dim, double>(x);
     const auto V_grad_N = volume_gradients<dim, double>(x);
-    Mat<dim> V_grad_v;
+    const double V = dot(V_grad_N[0], x[0] - x[1]);
     double V2_grad_N2 = 0.0;
     for (std::size_t a = 0; a <= dim; ++a)
-    {
-      V_grad_v += outer(nodes.v[static_cast<std::size_t>(mesh.elements[e][a])], V_grad_N[a]);
       V2_grad_N2 += norm_squared(V_grad_N[a]);
-    }
-    const bool proper = V > 0.0; // an inverted sliver has no meaningful rate of deformation
-    const Mat<dim> grad_v = proper ? V_grad_v * (1.0 / V) : Mat<dim>{};
-    if (bulk)
+    const double proper = V > 0.0 ? 1.0 : 0.0; // an inverted sliver has no meaningful gradients
+    const double inverse_V = proper / (V + (1.0 - proper));
+    const double height = proper * V / std::sqrt(V2_grad_N2);
+    if constexpr (bulk || shear)
     {
-      const double height = V / std::sqrt(V2_grad_N2), div_v = trace(grad_v);
-      const double b1 = viscosity.bulk_linear, b2 = viscosity.bulk_quadratic;
-      stress.q[e] = -rho * height * (b1 * c0 - b2 * b2 * height * std::min(div_v, 0.0)) * div_v;
-      stress.dissipation -= stress.q[e] * div_v * V;
+      Mat<dim> grad_v;
+      for (std::size_t a = 0; a <= dim; ++a)
+        grad_v += outer(nodes.v[static_cast<std::size_t>(corner[a])], V_grad_N[a]);
+      grad_v *= inverse_V;
+      if constexpr (bulk)
+      {
+        const double div_v = trace(grad_v), b2 = config.bulk_quadratic;
+        const double q = -rho * height * (config.bulk_linear * c0 - b2 * b2 * height * std::min(div_v, 0.0)) * div_v;
+        terms.q[k] = q;
+        dissipation -= q * div_v * V;
+      }
+      if constexpr (shear)
+      {
+        terms.tau[k] = deviatoric_stress<dim, double>(grad_v, config.mu);
+        dissipation += contract(terms.tau[k], grad_v) * V;
+      }
     }
-    if (shear)
+    if constexpr (exchange)
     {
-      stress.tau[e] = deviatoric_stress<dim, double>(grad_v, viscosity.mu);
-      stress.dissipation += contract(stress.tau[e], grad_v) * V;
+      Vec<dim> grad_p{}, a_bar{};
+      for (std::size_t a = 0; a <= dim; ++a)
+      {
+        grad_p += nodes.p[static_cast<std::size_t>(corner[a])] * V_grad_N[a];
+        a_bar += (with_a * weight) * nodes.a[static_cast<std::size_t>(corner[a])];
+        if (!terms.body.empty())
+          a_bar -= weight * terms.body[static_cast<std::size_t>(corner[a])];
+      }
+      terms.z[k] = (alpha * height) * (inverse_V * grad_p - (proper * rho) * (b - a_bar));
     }
   }
+  terms.dissipation += dissipation;
 }
 
-namespace
-{
-
-template <bool bulk, bool shear, int dim>
-void gather(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementStress<dim>& stress,
-            const Vec<dim>& b, index_t begin, index_t end)
+template <bool bulk, bool shear, bool exchange, int dim>
+void node_pass(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms, const Vec<dim>& b, index_t begin,
+               index_t end, std::span<double> mass_rate)
 {
   const Vec<dim>* x = nodes.x.data();
   const double* p = nodes.p.data();
   for (index_t n = begin; n < end; ++n)
   {
     Vec<dim> F{};
+    double dm = 0.0;
     for (const auto& entry : mesh.fan(n))
     {
       std::array<Vec<dim>, dim> opposite;
@@ -79,41 +95,58 @@ void gather(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementStr
       }
       p_bar *= 1.0 / (dim + 1);
       if constexpr (bulk)
-        p_bar += stress.q[static_cast<std::size_t>(entry.element)];
+        p_bar += terms.q[static_cast<std::size_t>(entry.element)];
       const Vec<dim> V_grad_N = volume_gradient<dim, double>(opposite);
       F += p_bar * V_grad_N;
       if constexpr (shear)
-        F -= stress.tau[static_cast<std::size_t>(entry.element)] * V_grad_N;
+        F -= terms.tau[static_cast<std::size_t>(entry.element)] * V_grad_N;
+      if constexpr (exchange)
+        dm -= dot(V_grad_N, terms.z[static_cast<std::size_t>(entry.element)]);
     }
     const auto i = static_cast<std::size_t>(n);
-    nodes.a[i] = (1.0 / nodes.m[i]) * F + b;
+    nodes.a[i] = (1.0 / nodes.inertia[i]) * F + b;
+    if constexpr (exchange)
+      mass_rate[i] = dm;
   }
+}
+
+/// Call `act.template operator()<bulk, shear, exchange>()` with the three run-time switches as constants.
+template <class Act>
+void with_switches(bool bulk, bool shear, bool exchange, Act&& act)
+{
+  const auto third = [&]<bool A, bool B>() { exchange ? act.template operator()<A, B, true>() : act.template operator()<A, B, false>(); };
+  const auto second = [&]<bool A>() { shear ? third.template operator()<A, true>() : third.template operator()<A, false>(); };
+  bulk ? second.template operator()<true>() : second.template operator()<false>();
 }
 
 } // namespace
 
 template <int dim>
-void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementStress<dim>& stress,
-                         const Vec<dim>& b, index_t begin, index_t end)
+void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
+                          const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms)
 {
-  const bool bulk = !stress.q.empty(), shear = !stress.tau.empty();
-  if (bulk && shear)
-    gather<true, true, dim>(mesh, nodes, stress, b, begin, end);
-  else if (bulk)
-    gather<true, false, dim>(mesh, nodes, stress, b, begin, end);
-  else if (shear)
-    gather<false, true, dim>(mesh, nodes, stress, b, begin, end);
-  else
-    gather<false, false, dim>(mesh, nodes, stress, b, begin, end);
+  const bool bulk = config.bulk(), shear = config.mu > 0.0, exchange = config.residual > 0.0;
+  terms.q.resize(bulk ? mesh.elements.size() : 0);
+  terms.tau.resize(shear ? mesh.elements.size() : 0);
+  terms.z.resize(exchange ? mesh.elements.size() : 0);
+  if (begin == 0)
+    terms.dissipation = 0.0;
+  if (config.none())
+    return;
+  with_switches(bulk, shear, exchange, [&]<bool B, bool S, bool X>() { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, begin, end, terms); });
 }
 
-template void update_element_stress<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Viscosity&, double,
-                                       ElementStress<2>&);
-template void update_element_stress<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Viscosity&, double,
-                                       ElementStress<3>&);
-template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementStress<2>&,
-                                     const Vec<2>&, index_t, index_t);
-template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementStress<3>&,
-                                     const Vec<3>&, index_t, index_t);
+template <int dim>
+void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms, const Vec<dim>& b,
+                         index_t begin, index_t end, std::span<double> mass_rate)
+{
+  with_switches(!terms.q.empty(), !terms.tau.empty(), !terms.z.empty(),
+                [&]<bool B, bool S, bool X>() { node_pass<B, S, X, dim>(mesh, nodes, terms, b, begin, end, mass_rate); });
+}
+
+template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&, double, const Vec<2>&, index_t, index_t, ElementTerms<2>&);
+template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&, double, const Vec<3>&, index_t, index_t, ElementTerms<3>&);
+template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementTerms<2>&, const Vec<2>&, index_t, index_t, std::span<double>);
+template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementTerms<3>&, const Vec<3>&, index_t, index_t, std::span<double>);
 
 } // namespace undine::fluid

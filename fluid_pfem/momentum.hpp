@@ -1,9 +1,10 @@
-// Conservation of momentum, Eqs. (2) and (5): nodal forces of pressure, viscosity and shock capturing.
+// Conservation of momentum, Eqs. (2) and (5), and the exchange of mass that stabilises the pressure.
 //
 // The pressure force is minus the exact gradient of the discrete internal energy Σ m_i e(m_i/V_i):
 //   F_j = Σ_e p̄_e V_e ∇N_j,  p̄_e the mean of the nodal pressures,
-// so that between remeshes the inviscid fluid is a Hamiltonian system and central differences keep its
-// energy.
+// so that between remeshes the inviscid, unstabilised fluid is a Hamiltonian system and central differences keep its energy. Everything
+// else is a term of an element: a bulk viscosity q_e added to p̄_e, a viscous stress τ_e, a mass flux z_e. A term that a scene does not
+// need is not computed.
 #pragma once
 
 #include "fluid_pfem/fluid_mesh.hpp"
@@ -15,35 +16,42 @@
 namespace undine::fluid
 {
 
-/// Constants of the dissipative terms. All zero: the fluid is Hamiltonian and no element pass is made.
-struct Viscosity
+/// Constants of the terms beyond pressure. All zero: the fluid is Hamiltonian and no element pass is made.
+struct ElementTermsConfig
 {
   double mu = 0.0;             ///< dynamic viscosity [Pa s]
   double bulk_linear = 0.0;    ///< b₁ of the bulk viscosity
   double bulk_quadratic = 0.0; ///< b₂, in compression only
+  double residual = 0.0;       ///< α of the residual-based mass exchange
+  bool residual_with_acceleration = true; ///< the residual is ∇p − ρ(b − a); without: ∇p − ρb
 
-  bool none() const { return mu == 0.0 && bulk_linear == 0.0 && bulk_quadratic == 0.0; }
+  bool bulk() const { return bulk_linear > 0.0 || bulk_quadratic > 0.0; }
+  bool none() const { return mu == 0.0 && !bulk() && residual == 0.0; }
 };
 
-/// Stress of the elements beyond the mean nodal pressure: q_e (a pressure) and, for μ > 0, τ_e.
+/// The element terms at one instant.
 template <int dim>
-struct ElementStress
+struct ElementTerms
 {
-  std::vector<double> q;     ///< [Pa], empty if there is no bulk viscosity
-  std::vector<Mat<dim>> tau; ///< [Pa], empty if μ = 0
-  double dissipation = 0.0;  ///< power turned into heat [W]
+  std::vector<double> q;     ///< bulk viscous pressure [Pa]; empty if there is none
+  std::vector<Mat<dim>> tau; ///< viscous stress [Pa]; empty if μ = 0
+  std::vector<Vec<dim>> z;   ///< stabilising mass flux [kg/(m² s)]; empty if there is none
+  std::vector<Vec<dim>> body;///< nodal body force beyond gravity [m/s²]; empty if there is none
+  double dissipation = 0.0;  ///< power turned into heat by q and τ [W]
 };
 
-/// Bulk viscosity q_e = −ρ ℓ (b₁ c − b₂² ℓ min(∇·v, 0)) ∇·v with the element's height ℓ = (Σ|∇N|²)^(−1/2),
-/// bounded on slivers (von Neumann & Richtmyer 1950; method of Cremonesi et al. 2017 has none), and τ_e = 2μ
-/// dev D. `c0` sound speed at ρ₀ [m/s].
+/// Element terms of elements [begin, end) from positions, velocities at the half step and accelerations of the last instant.
+///   q = −ρ ℓ (b₁ c₀ − b₂² ℓ min(∇·v, 0)) ∇·v                 (von Neumann & Richtmyer 1950), ℓ the height (Σ|∇N|²)^(−1/2),
+///   τ = 2μ dev D,
+///   z = α (√(2 dim) ℓ/c₀) (∇p − ρ (b − ā))                      (residual of momentum; zero in hydrostatic rest).
+/// The height as length keeps q and z bounded on slivers.
 template <int dim>
-void update_element_stress(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                           const Viscosity& viscosity, double c0, ElementStress<dim>& stress);
+void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
+                          const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms);
 
-/// Acceleration a = F/m + b of nodes [begin, end) from pressures, element stresses and body force b [m/s²].
+/// Acceleration a = F/inertia + b of nodes [begin, end), and where there is a mass flux ṁ_i = −Σ_e V_e ∇N_i·z_e [kg/s].
 template <int dim>
-void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementStress<dim>& stress,
-                         const Vec<dim>& b, index_t begin, index_t end);
+void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms, const Vec<dim>& b,
+                         index_t begin, index_t end, std::span<double> mass_rate);
 
 } // namespace undine::fluid

@@ -106,6 +106,66 @@ Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, cons
   return seeds;
 }
 
+template <int dim>
+Seeds<dim> cut_ellipse(const Seeds<dim>& seeds, const Vec<dim>& origin, const Vec<dim>& size, double h)
+{
+  const double pi = std::acos(-1.0);
+  Vec<dim> centre, half;
+  for (int i = 0; i < dim; ++i)
+  {
+    half[i] = 0.5 * size[i];
+    centre[i] = origin[i] + half[i];
+  }
+  Seeds<dim> result;
+  // Inner seeds keep 0.6 h from the outline: (1 − level)/|∇level| is the distance to first order.
+  for (const auto& x : seeds.x)
+  {
+    double level = 0.0, slope = 0.0;
+    for (int i = 0; i < dim; ++i)
+    {
+      const double s = (x[i] - centre[i]) / half[i];
+      level += s * s;
+      slope += s * s / (half[i] * half[i]);
+    }
+    if (level < 1.0 && (slope == 0.0 || 0.5 * (1.0 - level) / std::sqrt(slope) > 0.6 * h))
+      result.x.push_back(x);
+  }
+  if constexpr (dim == 2)
+  {
+    // Equal arc lengths along the outline, by a fine polygon.
+    constexpr int fine = 20000;
+    std::vector<double> arc{0.0};
+    const auto at = [&](double t) { return Vec<2>{{centre[0] + half[0] * std::cos(t), centre[1] + half[1] * std::sin(t)}}; };
+    for (int k = 1; k <= fine; ++k)
+      arc.push_back(arc.back() + norm(at(2 * pi * k / fine) - at(2 * pi * (k - 1) / fine)));
+    const int n = std::max(8, static_cast<int>(std::lround(arc.back() / h)));
+    for (int k = 0, f = 0; k < n; ++k)
+    {
+      const double s = arc.back() * k / n;
+      while (arc[static_cast<std::size_t>(f) + 1] <= s)
+        ++f;
+      const double part = (s - arc[static_cast<std::size_t>(f)]) / (arc[static_cast<std::size_t>(f) + 1] - arc[static_cast<std::size_t>(f)]);
+      result.x.push_back(at(2 * pi * (f + part) / fine));
+    }
+  }
+  else
+  {
+    // Fibonacci points on the sphere, stretched.
+    const double radius = std::cbrt(half[0] * half[1] * half[2]);
+    const int n = std::max(20, static_cast<int>(std::lround(4.0 * pi * radius * radius / (std::sqrt(0.75) * h * h))));
+    const double golden = pi * (3.0 - std::sqrt(5.0));
+    for (int k = 0; k < n; ++k)
+    {
+      const double y = 1.0 - 2.0 * (k + 0.5) / n, r = std::sqrt(1.0 - y * y);
+      result.x.push_back({{centre[0] + half[0] * r * std::cos(golden * k), centre[1] + half[1] * y, centre[2] + half[2] * r * std::sin(golden * k)}});
+    }
+  }
+  result.surface.assign(result.x.size(), 0);
+  return result;
+}
+
+template Seeds<2> cut_ellipse<2>(const Seeds<2>&, const Vec<2>&, const Vec<2>&, double);
+template Seeds<3> cut_ellipse<3>(const Seeds<3>&, const Vec<3>&, const Vec<3>&, double);
 template std::vector<PlaneSurface<2>> box_surfaces<2>(const Vec<2>&, const Vec<2>&);
 template std::vector<PlaneSurface<3>> box_surfaces<3>(const Vec<3>&, const Vec<3>&);
 template Seeds<2> seed_box<2>(const Vec<2>&, const Vec<2>&, double, const Seeding&);

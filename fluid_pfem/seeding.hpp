@@ -37,4 +37,8 @@ struct Seeds
 template <int dim>
 Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, const Seeding& seeding);
 
+/// The seeds inside the ellipse (ellipsoid) inscribed in the box, with nodes on its outline at spacing `h`.
+template <int dim>
+Seeds<dim> cut_ellipse(const Seeds<dim>& seeds, const Vec<dim>& origin, const Vec<dim>& size, double h);
+
 } // namespace undine::fluid

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Run a case: build the mpirun line, run it, compare with the references, draw plots, write summary.json.
 
     scripts/run cases/elastic_column --set run.resolution=20 --out runs/coarse
@@ -6,7 +6,10 @@
 import argparse
 import json
 import os
+import re
+import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -82,6 +85,8 @@ def mpirun_line(args, case, settings, programs, ranks, out):
         common += ["--set", override]
     if args.until:
         common += ["--until", args.until]
+    if sys.stderr.isatty():  # mpirun hides the terminal from the programs
+        common += ["--progress", "1"]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
     lines = [commands[p] + common for p in programs]
     if args.check:
@@ -96,6 +101,94 @@ def mpirun_line(args, case, settings, programs, ranks, out):
     return [line]
 
 
+def run_and_listen(line, environment):
+    """Run `line`; pass on its stderr and keep the end of it. Returns the exit code as a shell counts, and that text."""
+    process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE)
+    heard = b""
+    try:
+        while chunk := os.read(process.stderr.fileno(), 65536):
+            sys.stderr.buffer.write(chunk)
+            sys.stderr.buffer.flush()
+            heard = (heard + chunk)[-65536:]
+    except KeyboardInterrupt:  # mpirun hears it too, and ends its programs
+        pass
+    code = process.wait()
+    return (128 - code if code < 0 else code), heard.decode(errors="replace")
+
+
+def killed_program(text, ranks):
+    """(role, world rank, signal) of the program that a signal ended, as mpirun reports it; None if none was."""
+    found = re.search(r"process rank (\d+) .*exited on signal (\d+)", text)
+    if not found:
+        return None
+    rank, number = int(found[1]), int(found[2])
+    roles = [program for program, count in ranks.items() for _ in range(count)]
+    return (roles[rank] if rank < len(roles) else "?"), rank, number
+
+
+def signal_name(number):
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return "unknown"
+
+
+def report_killed(out, code, killed):
+    """A killed program cannot say so itself: print it, and leave FAILED.toml."""
+    role, rank, number = killed
+    text = f"'{role}' (world rank {rank}) was ended by signal {number} ({signal_name(number)})"
+    print(f"error: {text}", file=sys.stderr)
+    if number == signal.SIGKILL:
+        print("       somebody killed it, or the machine ran out of memory (see dmesg).", file=sys.stderr)
+    if not (out / "FAILED.toml").exists():
+        (out / "FAILED.toml").write_text(f'# Why the run ended.\ncode = {code}\nprogram = "{role}"\nrank = {rank}\ntext = "{text}"\n')
+
+
+def check_all(lines, environment):
+    """Run each program with --check. What several of them say is printed once."""
+    said, code = set(), 0
+    for line in lines:
+        result = subprocess.run(line, env=environment, capture_output=True, text=True)
+        code = code or result.returncode
+        for text, stream in ((result.stdout, sys.stdout), (result.stderr, sys.stderr)):
+            if text and text not in said:
+                said.add(text)
+                stream.write(text)
+    return code
+
+
+def collect_summary(out, programs, code, wall):
+    """summary.json out of what each program left behind."""
+    status = {0: "completed", 3: "stopped"}.get(code, "failed")
+    summary = {"status": status, "exit_code": code, "t_end": None, "wall_s": wall, "windows": 0, "substeps": 1, "conservation": {}}
+    mass_drifts = []
+    for program in programs:
+        path = out / f"{program}.json"
+        part = json.loads(path.read_text()) if path.is_file() else {}
+        own = part.pop(program, None)
+        if own is None:  # a program that writes its own keys at the top
+            own, part = part, {key: part[key] for key in ("status", "t_end") if key in part and len(programs) == 1}
+        if program == "coupler" or len(programs) == 1:
+            summary["conservation"].update(part.pop("conservation", own.pop("conservation", {})))
+            summary.update({key: value for key, value in part.items() if key not in ("exit_code", "wall_s", "status")})
+            if code == 0 and part.get("status") == "stopped":
+                summary["status"] = "stopped"
+            if len(programs) == 1:
+                for key in ("energy_drift", "energy_drift_definition"):
+                    if key in own:
+                        summary["conservation"][key] = own[key]
+                summary["t_end"] = summary["t_end"] if summary["t_end"] is not None else own.get("t_end")
+        if "compute_s" in own and "wait_s" in own:
+            own.setdefault("wall_s", own["compute_s"] + own["wait_s"])
+        summary[program] = {key: value for key, value in own.items() if key not in ("status", "exit_code")}
+        if "mass_drift" in own:
+            mass_drifts.append(own["mass_drift"])
+    if mass_drifts:
+        summary["conservation"]["mass_drift"] = max(mass_drifts, key=abs)
+        summary["conservation"]["mass_drift_definition"] = "change of the mass of the fluid or the solid over its mass at the start, the larger one"
+    return summary
+
+
 def main():
     args = parse_arguments()
     case = find_case(args.case)
@@ -105,41 +198,39 @@ def main():
                 if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
     if not programs:
         sys.exit(f"error: {case}: the case has neither [fluid] nor [solid]")
+    compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     # where Python solvers find undine_link.py and the library
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "build" / args.build / "lib"), os.environ.get("PYTHONPATH")]))
+    lines = mpirun_line(args, case, settings, programs, ranks, out)
 
-    if not args.check:
-        out.mkdir(parents=True, exist_ok=True)
-        for old in list(out.glob("*.json")) + [out / "FAILED.toml"]:
-            old.unlink(missing_ok=True)
-        for old in ("history", "plots"):
-            shutil.rmtree(out / old, ignore_errors=True)
-        (out / "history").mkdir()
-
-    begin = time.monotonic()
-    code = 0
-    for line in mpirun_line(args, case, settings, programs, ranks, out):
-        if not args.check:
-            print(" ".join(line), flush=True)
-        code = subprocess.run(line, env=environment).returncode or code
     if args.check:
+        code = check_all(lines, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
             print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))
         return 0 if code == 0 else (code if code in (2, 4) else 20)
 
-    summary = {"status": "completed" if code == 0 else "failed", "exit_code": code, "wall_s": time.monotonic() - begin}
-    for program in programs:
-        part = out / f"{program}.json"
-        if part.is_file():
-            summary.update({k: v for k, v in json.loads(part.read_text()).items() if k not in ("wall_s",)})
+    out.mkdir(parents=True, exist_ok=True)
+    for old in list(out.glob("*.json")) + [out / "FAILED.toml"]:
+        old.unlink(missing_ok=True)
+    for old in ("history", "plots"):
+        shutil.rmtree(out / old, ignore_errors=True)
+    (out / "history").mkdir()
+
+    print(shlex.join(lines[0]), flush=True)
+    begin = time.monotonic()
+    code, heard = run_and_listen(lines[0], environment)
+    summary = collect_summary(out, programs, code, time.monotonic() - begin)
     summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     if code != 0:
-        print(f"error: the run failed with exit code {code}; see {out}/*.log and {out}/FAILED.toml", file=sys.stderr)
-        return code if code > 0 else 128 - code
+        if killed := killed_program(heard, ranks):
+            report_killed(out, code, killed)
+        failed = f" and {out}/FAILED.toml" if (out / "FAILED.toml").exists() else ""
+        print(f"the run failed with exit code {code}; see {out}/*.log{failed}", file=sys.stderr)
+        return code
     if not args.no_plots:
         from lib import plots
         plots.draw_all(case, settings, out)

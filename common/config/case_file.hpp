@@ -116,6 +116,12 @@ public:
   /// `file` relative to the folder of the case, unless absolute.
   std::string resolve(const std::string& file) const;
 
+  /// `text` with its place, source line and caret in front, if it begins with something that is written in
+  /// the case: `table.key ...`, `table[2].key ...`, or `interface "name": key ...` (also probe), or the name
+  /// of a file and a colon. Mistakes that show only when the mesh is there, such as a surface that does not
+  /// exist, get their place so. Any other text comes back as it is.
+  std::string with_place(const std::string& text) const;
+
   /// All keys described so far as rows of a Markdown table per case table (for docs/case-file.md).
   std::string documentation() const;
 

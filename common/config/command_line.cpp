@@ -28,15 +28,20 @@ std::string default_out_dir(const std::string& case_path)
 CommandLine parse_command_line(std::string_view role, int argc, const char* const* argv)
 {
   CommandLine line;
+  const std::string program =
+      argc > 0 ? std::filesystem::path(argv[0]).filename().string() : std::string(role);
   std::optional<double> until;
   bool version = false;
   CLI::App app("Undine: explicit fluid-structure interaction. Programs: coupler, fluid_pfem, solid_fe.",
-               std::string(role));
+               program);
   app.add_option("case", line.case_path, "case.toml, or the folder that holds it");
   app.add_option("--out", line.out_dir, "output folder (default: runs/<case folder>)");
   app.add_option("--set", line.overrides, "table.key=value: replace a value of the case; repeatable")
       ->allow_extra_args(false);
   app.add_option("--until", until, "end at this time [s] instead of run.t_end");
+  app.add_option("--progress", line.progress,
+                 "seconds between progress lines (default: 1 on a terminal, else 30)")
+      ->check(CLI::PositiveNumber);
   app.add_flag("--check", line.check_only, "read and check everything, do not run");
   app.add_flag("--verbose", line.verbose, "log more");
   app.add_flag("--document-keys", line.document_keys, "print the keys of the case file as Markdown");
@@ -52,16 +57,16 @@ CommandLine parse_command_line(std::string_view role, int argc, const char* cons
   }
   catch (const CLI::ParseError& error)
   {
-    throw InputError(fmt::format("command line: {} (see {} --help)", error.what(), role));
+    throw InputError(fmt::format("command line: {} (see {} --help)", error.what(), program));
   }
   if (version)
   {
-    line.answer = fmt::format("{} {}\n", role, UNDINE_VERSION);
+    line.answer = fmt::format("{} {}\n", program, UNDINE_VERSION);
     return line;
   }
   if (line.case_path.empty() && !line.document_keys)
     throw InputError(
-        fmt::format("command line: the case is missing: {} case.toml (see {} --help)", role, role));
+        fmt::format("command line: the case is missing: {} case.toml (see {} --help)", program, program));
   if (std::filesystem::is_directory(line.case_path))
     line.case_path = (std::filesystem::path(line.case_path) / "case.toml").string();
   if (line.out_dir.empty() && !line.case_path.empty())

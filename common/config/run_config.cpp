@@ -54,6 +54,8 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     probe.point = table.numbers(
         {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
         table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
+    probe.radius = table.number({"radius", "m", "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node"}, 0.0, non_negative());
+    probe.wall = table.text({"wall", "", "fluid: name of the wall whose force is measured"}, "");
     const Key quantity{"quantity", "", "what is measured, such as \"u\" or [\"p\", \"v\"]"};
     if (table.is_text(quantity.name))
       probe.fields = {table.text(quantity)};
@@ -65,9 +67,9 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     if (std::any_of(probes.begin(), probes.end(),
                     [&](const ProbeConfig& other) { return other.name == probe.name; }))
       table.fail("name", "another probe has this name");
-    if (probe.point.empty() == probe.surface.empty())
-      table.fail("", probe.point.empty() ? "a probe needs a 'point' or a 'surface'"
-                                         : "a probe has a 'point' or a 'surface', not both");
+    const bool whole = probe.fields == std::vector<std::string>{"front"};
+    if (!whole && (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty()) != 1)
+      table.fail("", "a probe needs one of 'point', 'surface' and (fluid) 'wall'");
     if (probe.fields.empty())
       table.fail("quantity", "a probe needs a 'quantity', such as \"u\" or [\"p\", \"v\"]");
     probes.push_back(std::move(probe));

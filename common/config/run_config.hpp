@@ -28,10 +28,11 @@ struct RunConfig
 /// Table [output].
 struct OutputConfig
 {
-  std::string dir;               ///< output folder, from the command line
-  double frame_interval = 0.0;   ///< time between field frames [s]; 0: the first and the last only
-  double history_interval = 0.0; ///< time between rows of a history [s]; 0: every window or step
-  bool frames = true;            ///< write field frames at all
+  std::string dir;                 ///< output folder, from the command line
+  double frame_interval = 0.0;     ///< time between field frames [s]; 0: the first and the last only
+  double history_interval = 0.0;   ///< time between rows of a history [s]; 0: every window or step
+  bool frames = true;              ///< write field frames at all
+  double progress_interval = 30.0; ///< wall time between progress lines [s], from the command line
 };
 
 /// An entry of [[probe]]: a history at a point, or the mean over a named surface.
@@ -41,6 +42,8 @@ struct ProbeConfig
   std::string on;                  ///< "fluid" or "solid"
   std::vector<double> point;       ///< dim coordinates [m]; empty if the probe is on a surface
   std::string surface;             ///< name of a surface; empty if the probe is at a point
+  double radius = 0.0;             ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
+  std::string wall;                ///< fluid: name of a wall whose force is measured
   std::vector<std::string> fields; ///< e.g. {"u", "v"} or {"p"}
 
   bool at_point() const { return !point.empty(); }

@@ -4,8 +4,11 @@
 #include "common/error.hpp"
 
 #include <mpi.h>
+#include <unistd.h>
 
 #include <cstdio>
+#include <exception>
+#include <optional>
 
 namespace undine
 {
@@ -58,14 +61,31 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
 
 int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body)
 {
-  link::arm_start_timer(role);
+  CommandLine line;
+  std::optional<CaseFile> file;
+  std::exception_ptr mistake; // reported once MPI runs: then all programs of the line end together
+  double start_limit = CouplingConfig{}.hello_timeout;
+  try
+  {
+    line = parse_command_line(role, argc, argv);
+    if (line.answer.empty())
+    {
+      file.emplace(CaseFile::read(line.case_path, line.overrides));
+      start_limit = read_coupling(*file).hello_timeout;
+    }
+  }
+  catch (...)
+  {
+    mistake = std::current_exception();
+  }
+
+  // The coupler speaks for all; mpirun needs a second to end the others once it has.
+  link::arm_start_timer(role, start_limit + (role == "coupler" ? 0.0 : 2.0));
   int provided = 0;
   MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
-
   std::string out_dir;
   try
   {
-    CommandLine line = parse_command_line(role, argc, argv);
     if (!line.answer.empty())
     {
       if (world_rank() == 0)
@@ -77,19 +97,28 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
       out_dir = line.out_dir;
     if (!out_dir.empty() && world_rank() == 0)
       std::remove((out_dir + "/FAILED.toml").c_str()); // of an earlier run
-    CaseFile file = CaseFile::read(line.case_path, line.overrides);
-    const RunConfig run = read_run_config(file);
+    if (mistake)
+      std::rethrow_exception(mistake);
+    const RunConfig run = read_run_config(*file);
     Launch launch{.role = role,
                   .line = line,
-                  .file = file,
+                  .file = *file,
                   .run = run,
-                  .output = read_output_config(file, line.out_dir),
-                  .coupling = read_coupling(file),
-                  .probes = read_probe_configs(file, run.dim)};
-    file.reject_unknown_keys({"run", "output", "probe", "coupling", "interface"});
+                  .output = read_output_config(*file, line.out_dir),
+                  .coupling = read_coupling(*file),
+                  .probes = read_probe_configs(*file, run.dim)};
+    launch.output.progress_interval = line.progress > 0.0          ? line.progress
+                                      : isatty(STDERR_FILENO) != 0 ? 1.0
+                                                                   : 30.0;
+    file->reject_unknown_keys({"run", "output", "probe", "coupling", "interface"});
     body(launch);
     MPI_Finalize();
     return 0;
+  }
+  catch (const InputError& error)
+  {
+    const std::string text = file ? file->with_place(error.what()) : error.what();
+    return end_with(static_cast<int>(error.code()), role, text, out_dir);
   }
   catch (const Failure& failure)
   {

@@ -1,13 +1,50 @@
-"""Compare histories with the references that a case names in its [[reference]] tables.
-
-A reference: name, history and column (of our CSV), file, time and value (columns of the reference CSV), measure, tolerance, and
-optionally `when` ("table.key = value": only for that variant), `add` (another "file:column" added to the reference), `label`.
-"""
+"""Compare histories with the references that a case names in its [[reference]] tables (the keys: REFERENCE_KEYS)."""
 import csv
+import difflib
+import sys
 
 import numpy as np
 
 from . import case as case_file
+
+# name: (type, default, meaning); docs/case-file.md is made from this.
+REFERENCE_KEYS = {
+    "name": ("text", "required", "name of the comparison in summary.json"),
+    "history": ("text", "required", "our curve: history/<history>.csv"),
+    "column": ("text", "required", "column of our curve, with its unit, such as \"u_y[m]\""),
+    "file": ("text", "required", "CSV file of the reference, relative to the case"),
+    "time": ("text", "required", "its column of times in s"),
+    "value": ("text", "required", "its column of values"),
+    "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
+                                    "period_of_minima: relative difference of the mean time between minima"),
+    "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
+    "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
+    "label": ("text", "the value's name", "name in the legend of the plot"),
+    "add": ("tables", "none", "terms added to the reference, each with file, time, value and optionally factor and when"),
+}
+TERM_KEYS = ("file", "time", "value", "factor", "when")
+
+
+def check_references(case, settings):
+    """End the script with exit code 2 at the first mistake in a [[reference]] table."""
+    def stop(k, text):
+        print(f"error: {case}: reference[{k}]: {text}", file=sys.stderr)
+        sys.exit(2)
+
+    for k, reference in enumerate(settings.get("reference", [])):
+        for table, known in [(reference, REFERENCE_KEYS)] + [(term, TERM_KEYS) for term in reference.get("add", [])]:
+            for key in table:
+                if key not in known:
+                    near = difflib.get_close_matches(key, known, 1)
+                    stop(k, f"unknown key '{key}'" + (f": did you mean '{near[0]}'?" if near else f": known are {', '.join(known)}"))
+        for key, (_, default, _) in REFERENCE_KEYS.items():
+            if default == "required" and key not in reference:
+                stop(k, f"missing key '{key}'")
+        if reference["measure"] not in MEASURES:
+            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}")
+        for table in [reference, *reference.get("add", [])]:
+            if not (case.parent / table["file"]).is_file():
+                stop(k, f"file = \"{table['file']}\": there is no such file beside the case")
 
 
 def read_csv(path):
@@ -19,20 +56,37 @@ def read_csv(path):
 
 
 def applies(reference, settings):
-    when = reference.get("when")
-    if not when:
-        return True
-    key, _, value = (part.strip() for part in when.partition("="))
-    return str(case_file.value_of(settings, key)) == value
+    """True if all conditions of `when` hold in the settings of this run."""
+    conditions = reference.get("when", [])
+    for condition in [conditions] if isinstance(conditions, str) else conditions:
+        key, _, value = (part.strip() for part in condition.partition("="))
+        if str(case_file.value_of(settings, key)) != value:
+            return False
+    return True
 
 
-def reference_curve(case, reference):
+def interpolate(t, t_known, y_known):
+    """Cubic through the four known points around each t (linear if there are fewer): references come in coarse steps."""
+    if len(t_known) < 4:
+        return np.interp(t, t_known, y_known)
+    first = np.clip(np.searchsorted(t_known, t) - 2, 0, len(t_known) - 4)
+    result = np.zeros(len(t))
+    for a in range(4):
+        weight = np.ones(len(t))
+        for b in range(4):
+            if b != a:
+                weight *= (t - t_known[first + b]) / (t_known[first + a] - t_known[first + b])
+        result += weight * y_known[first + a]
+    return result
+
+
+def reference_curve(case, reference, settings):
     table = read_csv(case.parent / reference["file"])
     t, y = table[reference["time"]], table[reference["value"]].copy()
     for term in reference.get("add", []):
-        file, column, sign = term["file"], term["value"], term.get("factor", 1.0)
-        other = read_csv(case.parent / file)
-        y += sign * np.interp(t, other[term["time"]], other[column])
+        if applies(term, settings):
+            other = read_csv(case.parent / term["file"])
+            y += term.get("factor", 1.0) * interpolate(t, other[term["time"]], other[term["value"]])
     return t, y
 
 
@@ -42,24 +96,34 @@ def our_curve(out, reference):
 
 
 def minima(t, y):
-    """Times of the minima below the mean, by a parabola through three points."""
-    found = []
-    for k in range(1, len(y) - 1):
-        if y[k] <= y[k - 1] and y[k] < y[k + 1] and y[k] < np.mean(y):
-            dl, dr = t[k] - t[k - 1], t[k + 1] - t[k]
-            slope_l, slope_r = (y[k] - y[k - 1]) / dl, (y[k + 1] - y[k]) / dr
-            curvature = (slope_r - slope_l) / (0.5 * (dl + dr))
-            found.append(t[k] - (slope_l * dr + slope_r * dl) / (dl + dr) / curvature)
-    merged = []
-    for time in found:  # ripples of one minimum
-        if not merged or time - merged[-1] > 0.25 * (t[-1] - t[0]) / max(1, len(found)):
-            merged.append(time)
-    return merged
+    """Time of the minimum of each complete excursion below the mean: vertex of the parabola fitted to its lowest tenth.
+
+    An excursion ends when the curve rises a tenth of its amplitude above the mean, so that ripples do not split it.
+    """
+    middle = np.trapz(y, t) / (t[-1] - t[0])
+    depth = middle - np.min(y)
+    found, start = [], None
+    for k in range(len(y)):
+        if start is None and y[k] < middle - 0.1 * depth:
+            start = k
+        elif start is not None and y[k] > middle + 0.1 * depth:
+            inside = slice(start, k)
+            low = np.min(y[inside])
+            near = y[inside] <= low + 0.1 * (middle - low)
+            if start > 0 and np.count_nonzero(near) >= 3:
+                centre = t[inside][near].mean()
+                a, b, _ = np.polyfit(t[inside][near] - centre, y[inside][near], 2)
+                found.append(centre - b / (2.0 * a))
+            start = None
+    return found
 
 
 def period(t, y):
     m = minima(t, y)
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
+
+
+MEASURES = ("relative_L2", "period_of_minima")
 
 
 def measure(kind, t, y, t_ref, y_ref):
@@ -68,7 +132,7 @@ def measure(kind, t, y, t_ref, y_ref):
     if kind == "relative_L2":
         inside = (t >= t_ref[0]) & (t <= end)
         dt = np.gradient(t[inside])
-        target = np.interp(t[inside], t_ref, y_ref)
+        target = interpolate(t[inside], t_ref, y_ref)
         scale = np.sqrt(np.sum(dt * target**2))
         error = np.sqrt(np.sum(dt * (y[inside] - target) ** 2)) / scale
         return error, 0.0, error
@@ -76,7 +140,7 @@ def measure(kind, t, y, t_ref, y_ref):
         keep = t_ref <= end
         value, target = period(t, y), period(t_ref[keep], y_ref[keep])
         return value, target, abs(value / target - 1.0)
-    raise ValueError(f"unknown measure '{kind}'; known: relative_L2, period_of_minima")
+    raise ValueError(f"unknown measure '{kind}'; known: {', '.join(MEASURES)}")
 
 
 def compare_all(case, settings, out):
@@ -84,7 +148,7 @@ def compare_all(case, settings, out):
     for reference in settings.get("reference", []):
         if not applies(reference, settings):
             continue
-        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference))
+        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings))
         results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
                         "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"])})
     return results

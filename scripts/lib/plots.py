@@ -30,7 +30,7 @@ def draw_histories(case, settings, out):
             if key in drawn:
                 continue
             drawn.add(key)
-            t_ref, y_ref = compare.reference_curve(case, reference)
+            t_ref, y_ref = compare.reference_curve(case, reference, settings)
             axes.plot(t_ref, y_ref, "k--", linewidth=1.6, label=reference.get("label", reference["value"]))
         axes.plot(t, y, color="tab:blue", linewidth=1.2, label="Undine")
         axes.set_xlabel("t [s]")

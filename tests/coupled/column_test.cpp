@@ -54,7 +54,9 @@ Outcome run(const Column& c)
   f.size = {c.width, 0.75, c.width};
   f.element_size = c.fluid_factor * h;
   f.seeding.jitter = c.jitter;
-  f.remesh_every = c.remesh_every;
+  f.terms = {}; // the case's inviscid, unstabilised fluid
+  f.remesh.every = c.remesh_every;
+  f.remesh.only_if_moved = false;
   f.interfaces = {{"wet", "bottom"}};
   for (const char* wall : {"left", "right"})
     f.walls.push_back({wall});

@@ -221,3 +221,34 @@ TEST_CASE("a program's own check points at the value it dislikes", "[common][uni
           "         ^~~~~~~~~~");
   }
 }
+
+TEST_CASE("a mistake found later gets the place of the key, entry or file it begins with", "[common][unit]")
+{
+  const std::string text = replace(valid, "[[interface]]",
+                                   "[[solid.fix]]\non = \"left\"\n\n[[solid.fix]]\non = \"botom\"\n\n"
+                                   "[[interface]]\nname = \"wet\"\nsolid = \"topp\"");
+  const CaseFile file = CaseFile::parse(text, "cases/gate/case.toml", {"solid.law=rubber"});
+  const auto beginning_of = [&file](const std::string& complaint)
+  {
+    const std::string placed = file.with_place(complaint);
+    CHECK(placed.find(complaint) != std::string::npos);
+    return placed.substr(0, placed.find(complaint)) +
+           placed.substr(placed.find('\n', placed.find(complaint)));
+  };
+  CHECK(beginning_of("solid.fix[1].on = \"botom\": no such surface") ==
+        "cases/gate/case.toml:16:6: \n  on = \"botom\"\n       ^~~~~~~");
+  CHECK(beginning_of("solid.fix.on = 'botom': no such surface") ==
+        "cases/gate/case.toml:16:6: \n  on = \"botom\"\n       ^~~~~~~");
+  CHECK(beginning_of("interface \"wet\": solid = \"topp\": no such surface") ==
+        "cases/gate/case.toml:20:9: \n  solid = \"topp\"\n          ^~~~~~");
+  CHECK(beginning_of("interface 'wet': it has no faces") ==
+        "cases/gate/case.toml:18:1: \n  [[interface]]\n  ^~~~~~~~~~~~~");
+  CHECK(beginning_of("solid.law = \"rubber\": no such law") ==
+        "command line: \n  --set solid.law=rubber\n                  ^~~~~~");
+  CHECK(beginning_of("cases/gate/gate.msh: the mesh file cannot be read") ==
+        "cases/gate/case.toml:10:8: \n  mesh = \"gate.msh\"\n         ^~~~~~~~~~");
+
+  for (const std::string elsewhere : {"cases/gate/case.toml:3:1: solid.mesh: x", "interface 'dry': x",
+                                      "solid.nothing = 3: x", "command line: x", "the case", ""})
+    CHECK(file.with_place(elsewhere) == elsewhere);
+}

@@ -1,0 +1,167 @@
+// Edge lengths between two limits.
+#include "fluid_pfem/remesh/refine_coarsen.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <tuple>
+#include <utility>
+#include <set>
+
+namespace undine::fluid
+{
+
+namespace
+{
+
+struct Edge
+{
+  double length_over_h = 0.0;
+  index_t i = 0, j = 0;
+};
+
+/// Wall pieces that both nodes lie on.
+std::array<int, 3> common_pieces(const std::array<int, 3>& a, const std::array<int, 3>& b)
+{
+  std::array<int, 3> shared{-1, -1, -1};
+  std::size_t count = 0;
+  for (const int piece : a)
+    if (piece >= 0 && std::find(b.begin(), b.end(), piece) != b.end())
+      shared[count++] = piece;
+  return shared;
+}
+
+int count_pieces(const std::array<int, 3>& pieces)
+{
+  return static_cast<int>(std::count_if(pieces.begin(), pieces.end(), [](int p) { return p >= 0; }));
+}
+
+} // namespace
+
+template <int dim>
+SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh, std::vector<std::array<int, 3>>& wall_pieces,
+                                 index_t n_wet, const SpacingRules& rules, global_index_t& next_id)
+{
+  std::vector<Edge> close, far;
+  for (const auto& e : mesh.elements)
+    for (std::size_t a = 0; a <= dim; ++a)
+      for (std::size_t b = a + 1; b <= dim; ++b)
+      {
+        const index_t i = std::min(e[a], e[b]), j = std::max(e[a], e[b]);
+        const auto p = static_cast<std::size_t>(i), q = static_cast<std::size_t>(j);
+        const double h = std::min(nodes.h[p], nodes.h[q]), length = norm(nodes.x[p] - nodes.x[q]) / h;
+        if (length < rules.merge)
+          close.push_back({length, i, j});
+        else if (length > std::min(rules.split, rules.split_wall))
+          far.push_back({-length, i, j});
+      }
+  if (close.empty() && far.empty())
+    return {};
+  std::set<std::pair<index_t, index_t>> boundary_edges;
+  for (const auto& f : mesh.boundary)
+    for (std::size_t a = 0; a < dim; ++a)
+      for (std::size_t b = a + 1; b < dim; ++b)
+        boundary_edges.emplace(std::min(f[a], f[b]), std::max(f[a], f[b]));
+  const auto by_length_then_id = [&](const Edge& a, const Edge& b)
+  {
+    const auto key = [&](const Edge& e)
+    {
+      const auto p = nodes.id[static_cast<std::size_t>(e.i)], q = nodes.id[static_cast<std::size_t>(e.j)];
+      return std::tuple(e.length_over_h, std::min(p, q), std::max(p, q));
+    };
+    return key(a) < key(b);
+  };
+  std::sort(close.begin(), close.end(), by_length_then_id);
+  std::sort(far.begin(), far.end(), by_length_then_id);
+
+  SpacingReport report;
+  std::vector<char> busy(static_cast<std::size_t>(nodes.size()), 0), dead(busy.size(), 0);
+  for (const Edge& edge : close)
+  {
+    auto k = static_cast<std::size_t>(edge.i), l = static_cast<std::size_t>(edge.j); // k stays, l goes
+    if (busy[k] || busy[l])
+      continue;
+    const auto rank = [&](std::size_t n) // who stays: wet, on more walls, on more named surfaces, on the boundary
+    {
+      return std::tuple(static_cast<index_t>(n) < n_wet, count_pieces(wall_pieces[n]), std::popcount(nodes.surface[n]),
+                        (nodes.flag[n] & on_boundary) != 0);
+    };
+    if (rank(k) < rank(l))
+      std::swap(k, l);
+    const bool l_is_bound = static_cast<index_t>(l) < n_wet || (nodes.surface[l] & ~nodes.surface[k]) != 0 ||
+                            count_pieces(common_pieces(wall_pieces[k], wall_pieces[l])) < count_pieces(wall_pieces[l]);
+    if (l_is_bound)
+      continue;
+    busy[k] = busy[l] = dead[l] = 1;
+    const double total = nodes.M[k] + nodes.M[l], share = nodes.M[l] / total;
+    report.kinetic_lost += 0.5 * nodes.M[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
+    if (rank(k) == rank(l))
+      nodes.x[k] += share * (nodes.x[l] - nodes.x[k]);
+    nodes.v[k] += share * (nodes.v[l] - nodes.v[k]);
+    nodes.a[k] += share * (nodes.a[l] - nodes.a[k]);
+    nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
+    nodes.M[k] = total;
+    nodes.m[k] += nodes.m[l];
+    nodes.flag[k] = static_cast<std::uint8_t>(nodes.flag[k] | nodes.flag[l]);
+    ++report.merged;
+  }
+  for (const Edge& edge : far)
+  {
+    const auto k = static_cast<std::size_t>(edge.i), l = static_cast<std::size_t>(edge.j);
+    if (busy[k] || busy[l] || (edge.i < n_wet && edge.j < n_wet))
+      continue;
+    const bool on_the_boundary = boundary_edges.contains({edge.i, edge.j});
+    const auto shared_pieces = on_the_boundary ? common_pieces(wall_pieces[k], wall_pieces[l]) : std::array<int, 3>{-1, -1, -1};
+    const SurfaceMask shared_surface = on_the_boundary ? nodes.surface[k] & nodes.surface[l] : 0;
+    const bool wall_edge = shared_pieces[0] >= 0 || shared_surface != 0;
+    if (-edge.length_over_h < (wall_edge ? rules.split_wall : rules.split))
+      continue;
+    if (!wall_edge && (nodes.flag[k] & on_free_surface) && (nodes.flag[l] & on_free_surface))
+      continue;
+    busy[k] = busy[l] = 1;
+    const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
+    const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
+    // Momentum: M v_new = (M_k v_k + M_l v_l)/3.
+    const Vec<dim> v = (1.0 / (3.0 * M)) * (nodes.M[k] * nodes.v[k] + nodes.M[l] * nodes.v[l]);
+    nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));
+    nodes.v.push_back(v);
+    nodes.a.push_back(mean(nodes.a[k], nodes.a[l]));
+    nodes.m.push_back((nodes.m[k] + nodes.m[l]) / 3.0);
+    nodes.M.push_back(M);
+    nodes.inertia.push_back(M);
+    nodes.rho.push_back(mean(nodes.rho[k], nodes.rho[l]));
+    nodes.p.push_back(mean(nodes.p[k], nodes.p[l]));
+    nodes.V.push_back(0.0);
+    nodes.h.push_back(mean(nodes.h[k], nodes.h[l]));
+    nodes.surface.push_back(shared_surface);
+    nodes.id.push_back(next_id++);
+    nodes.flag.push_back(static_cast<std::uint8_t>(on_the_boundary ? nodes.flag[k] & nodes.flag[l] & (on_boundary | on_free_surface | on_wall) : 0));
+    nodes.alone.push_back(0);
+    wall_pieces.push_back(shared_pieces);
+    for (const std::size_t parent : {k, l})
+    {
+      nodes.M[parent] *= 2.0 / 3.0;
+      nodes.m[parent] *= 2.0 / 3.0;
+    }
+    ++report.split;
+  }
+  if (report.merged > 0)
+  {
+    dead.resize(static_cast<std::size_t>(nodes.size()), 0);
+    const auto compress = [&](auto& field)
+    {
+      std::size_t next = 0;
+      for (std::size_t n = 0; n < dead.size(); ++n)
+        if (!dead[n])
+          field[next++] = field[n];
+      field.resize(next);
+    };
+    nodes.for_each_field([&](const char*, auto& field) { compress(field); });
+    compress(wall_pieces);
+  }
+  return report;
+}
+
+template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&, std::vector<std::array<int, 3>>&, index_t, const SpacingRules&, global_index_t&);
+template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&, std::vector<std::array<int, 3>>&, index_t, const SpacingRules&, global_index_t&);
+
+} // namespace undine::fluid

@@ -1,0 +1,105 @@
+// Rigid walls without a mesh: unilateral sliding contact of fluid nodes with planes, polylines and triangles that may move.
+//
+// A node whose trial position at the end of a step lies behind a wall gets the normal velocity that puts it exactly on the wall. It slides
+// freely and is free to leave. The impulse m Δv is the wall's reaction. This is the half-step multiplier of the coupling with a wall of
+// infinite mass.
+#pragma once
+
+#include "common/config/expression.hpp"
+#include "common/tensor.hpp"
+#include "common/types.hpp"
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace undine::fluid
+{
+
+/// Rigid motion of a wall: turn by angle(t) about `centre`, then shift by displacement(t). Without formulas it stands still.
+struct WallMotion
+{
+  std::vector<Expression> displacement; ///< [m], empty or dim formulas of t
+  std::optional<Expression> angle;      ///< [rad], about the z axis through `centre`
+  std::array<double, 3> centre{};       ///< [m]
+
+  bool moves() const { return !displacement.empty() || angle.has_value(); }
+};
+
+/// What the case says about one wall.
+struct WallGeometry
+{
+  std::string name;
+  std::vector<std::array<double, 3>> points; ///< 2-D: a polyline, the fluid on its left when it is walked along [m]
+  bool closed = false;                       ///< the last point is joined to the first
+  bool plane = false;                        ///< points[0] and `normal` define an unbounded plane
+  std::array<double, 3> normal{};            ///< into the fluid
+  WallMotion motion;
+};
+
+/// Flat pieces of all walls, at the present time.
+template <int dim>
+struct WallPiece
+{
+  Vec<dim> a, b;     ///< ends of a segment (2-D); a point of a plane is `a`
+  Vec<dim> n;        ///< unit, into the fluid
+  int wall = 0;      ///< index of the wall it belongs to
+  bool plane = false;
+  double reach_a = 0.0, reach_b = 0.0; ///< how far the piece extends past its ends [m]: past a concave corner, not past a convex one
+
+  double distance(const Vec<dim>& x) const { return dot(x - a, n); }
+  /// x projects onto the piece.
+  bool covers(const Vec<dim>& x) const;
+};
+
+template <int dim>
+class Walls
+{
+public:
+  Walls() = default;
+  /// @throws InputError for a wall with fewer than two points
+  Walls(const std::vector<WallGeometry>& geometry, double spacing, double t);
+
+  bool empty() const { return geometry_.empty(); }
+  const std::vector<WallPiece<dim>>& pieces() const { return pieces_; }
+  const std::vector<WallGeometry>& geometry() const { return geometry_; }
+
+  /// Move all pieces to time t [s].
+  void move_to(double t);
+
+  /// Nodes near walls, as candidates for contact until something has moved by `margin` [m].
+  void find_candidates(std::span<const Vec<dim>> x, double margin);
+  /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds the impulses [N s] to impulse().
+  /// @param m mass of each node [kg]
+  /// @param a acceleration of the last instant; gets the wall's part Δv/Δt, so that it is what the node really does [m/s²]
+  /// @returns work done on the fluid [J]
+  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a);
+  /// Report the largest distance any node moved; find_candidates is due when this is true.
+  bool candidates_expired(double moved)
+  {
+    moved_ += moved;
+    return moved_ > margin_;
+  }
+
+  /// Pieces on which x lies within `tolerance`, at most three.
+  std::array<int, 3> pieces_at(const Vec<dim>& x, double tolerance) const;
+
+  /// Impulse on each wall since the last reset_impulse [N s].
+  const std::vector<Vec<dim>>& impulse() const { return impulse_; }
+  void reset_impulse();
+
+private:
+  struct Candidate
+  {
+    index_t node;
+    int piece;
+  };
+  std::vector<WallGeometry> geometry_;
+  std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
+  std::vector<Candidate> candidates_;
+  std::vector<Vec<dim>> impulse_;
+  double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0;
+};
+
+} // namespace undine::fluid

@@ -1,0 +1,109 @@
+#!/usr/bin/python3
+"""The real programs in a run in which one thing goes wrong: all end in seconds, with the documented code, naming the culprit.
+
+Example: tests/system/failures_test.py --build build/release Failures.test_a_killed_solid_ends_the_run
+"""
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import programs  # noqa: E402
+
+HELLO, STALL = 3, 2  # the deadlines [s] that the cases set
+# mpirun needs about 1.5 s to start and to end; the rest is for a machine on which others compute.
+MARGIN = 8
+
+DEADLINES = ['--set', f'coupling.hello_timeout={HELLO}', '--set', f'coupling.stall_timeout={STALL}']
+LONG = DEADLINES + ["--set", "run.t_end=1000", "--set", "output.every=0.01"]
+
+
+class Failures(programs.SystemTest):
+    def expect(self, ended, limit, codes, says, program=None, errors=1):
+        """`says`: texts of the output; `program`: who wrote FAILED.toml."""
+        report = f"\n{ended.text}\nexit code {ended.code} after {ended.seconds:.1f} s"
+        print(f"    {self._testMethodName}: {ended.seconds:.1f} s, exit code {ended.code}", file=sys.stderr)
+        self.assertIsNotNone(ended.code, f"still running after {limit} s" + report)
+        self.assertIn(ended.code, codes, report)
+        self.assertEqual(ended.left, [], "processes outlive mpirun" + report)
+        for text in says:
+            self.assertIn(text, ended.text, report)
+        if errors is not None:
+            self.assertEqual(len(ended.errors()), errors, "programs that printed an error" + report)
+        if program:
+            failed = programs.read_failed(self.out)
+            self.assertEqual(failed.get("program"), f'"{program}"', report)
+            self.assertEqual(failed.get("code"), str(ended.code), report)
+
+    def run_until_it_moves(self, line, name, number, limit):
+        """Run `line`, send signal `number` to the process `name` once the history of the interface grows."""
+        def act(process):
+            history = self.out / "history" / "interface.csv"
+            begin = time.monotonic()
+            while not (history.is_file() and history.read_text().count("\n") > 20):
+                self.assertLess(time.monotonic() - begin, 30.0, "the run did not start")
+                self.assertIsNone(process.poll(), "the run ended by itself")
+                time.sleep(0.02)
+            victims = [pid for pid, command in programs.descendants(process.pid).items() if command == name]
+            self.assertEqual(len(victims), 1)
+            os.kill(victims[0], number)
+        return programs.run(line, limit, act)
+
+    def test_a_killed_solid_ends_the_run(self):
+        # mpirun notices at once; 128 + 9 is its code for SIGKILL, and the text is its own.
+        line = programs.coupled_line(programs.COLUMN, self.out, *LONG)
+        ended = self.run_until_it_moves(line, "solid_fe", signal.SIGKILL, MARGIN)
+        self.expect(ended, MARGIN, (137,), ["rank 2", "exited on signal 9"], errors=0)
+
+    def test_scripts_run_names_the_killed_program(self):
+        line = [sys.executable, "-B", str(programs.ROOT / "scripts" / "run_case.py"), str(programs.COLUMN), "--build", str(programs.BUILD),
+                "--out", str(self.out), *LONG]
+        ended = self.run_until_it_moves(line, "solid_fe", signal.SIGKILL, MARGIN)
+        self.expect(ended, MARGIN, (137,), ["error: 'solid' (world rank 2) was ended by signal 9 (SIGKILL)"], program="solid")
+
+    def test_a_stopped_solid_is_called_silent(self):
+        line = programs.coupled_line(programs.COLUMN, self.out, *LONG)
+        ended = self.run_until_it_moves(line, "solid_fe", signal.SIGSTOP, STALL + MARGIN)
+        self.expect(ended, STALL + MARGIN, (36,), [f"error: 'solid' has sent nothing for {STALL} s"], program="coupler")
+
+    def test_a_missing_solid_is_named(self):
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=[]), MARGIN)
+        self.expect(ended, MARGIN, (35,), ["error: no program with role 'solid' (found: coupler x1, fluid x1)"], program="coupler")
+
+    def test_a_foreign_program_is_noticed_while_the_others_wait_in_mpi_init(self):
+        # It never calls MPI_Init, where the others wait for it: their start timers are the only thing that still runs.
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=["sleep", "60"]), HELLO + MARGIN)
+        self.expect(ended, HELLO + MARGIN, (31,), ["error: 'coupler' still waits in MPI_Init after 3 s", "never called MPI_Init"])
+
+    def test_a_foreign_mpi_program_is_named_by_its_rank(self):
+        foreign = [str(programs.ACTOR), "--behave=foreign"]
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=foreign), HELLO + MARGIN)
+        self.expect(ended, HELLO + MARGIN, (32,), ["error: no hello from world rank(s) 2 within 3 s"], program="coupler")
+
+    def test_another_case_file_is_noticed_before_the_run(self):
+        other = self.variant(("resolution = 40", "resolution = 41"), name="other.toml")
+        solid = [programs.program("solid"), str(other), "--out", str(self.out), *DEADLINES]
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=solid), MARGIN)
+        self.expect(ended, MARGIN, (34,), ["error: 'solid'", "read another case than 'coupler'"], program="coupler")
+
+    def test_other_overrides_are_another_case(self):
+        solid = [programs.program("solid"), str(programs.COLUMN), "--out", str(self.out), *DEADLINES, "--set", "solid.density=1501.0"]
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=solid), MARGIN)
+        self.expect(ended, MARGIN, (34,), ["read another case than 'coupler'"], program="coupler")
+
+    def test_another_version_of_the_protocol_is_named(self):
+        future = [str(programs.ACTOR), "--role=solid", "--behave=future"]
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=future), MARGIN)
+        self.expect(ended, MARGIN, (33,), ["error: 'solid' (future 2.0, rank 2", "speaks protocol 2.0, 'coupler'", "speaks 1.0"], program="coupler")
+
+    def test_two_ranks_of_a_program_are_refused(self):
+        line = [sys.executable, "-B", str(programs.ROOT / "scripts" / "run_case.py"), str(programs.COLUMN), "--build", str(programs.BUILD),
+                "--out", str(self.out), "--ranks", "solid=2", *DEADLINES]
+        ended = programs.run(line, MARGIN)
+        self.expect(ended, MARGIN, (2,), ["'solid' was started on 2 ranks"], program="solid", errors=None)
+
+
+if __name__ == "__main__":
+    programs.main(__doc__)
