@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Run the cases of other solids and compare their curves with each other, with solid_fe and with the exact solutions.
 
-Example: swap_solids.py --build release plate getfem
+Example: swap_solids.py --build build/release plate getfem
 
 plate   a plate on springs in C, Fortran and Python under water: the three curves differ by no bit, because all do the same
         sums in the same order on the same machine; 1e-12 leaves room for another compiler's fused operations. The case's
@@ -55,7 +55,7 @@ def expect_comparisons(summary, who):
 def plate(build, folder):
     curves = {}
     for language, program in {"C": '["plate_c"]', "Fortran": '["plate_fortran"]', "Python": '["python3", "plate.py"]'}.items():
-        if language == "Fortran" and not (ROOT / "build" / build / "bin" / "plate_fortran").is_file():
+        if language == "Fortran" and not (Path(build) / "bin" / "plate_fortran").is_file():
             print("skip: plate_fortran was not built, there is no Fortran compiler")
             continue
         curves[language], summary = run(build, "swap_plate", folder / language, "--set", f"solid.program={program}")
@@ -82,12 +82,12 @@ def getfem(build, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--build", default="release", help="name of the folder under build/")
+    parser.add_argument("--build", default="build/release", help="build folder")
     parser.add_argument("what", nargs="+", choices=["plate", "getfem"])
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="undine_swap_") as folder:
         for what in arguments.what:
-            globals()[what](arguments.build, Path(folder))
+            globals()[what](str(Path(arguments.build).resolve()), Path(folder))
     return 1 if bad else 0
 
 
