@@ -91,7 +91,7 @@ private:
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity)
+                          const ElementTermsConfig& viscosity, double least_mass)
 {
   const index_t n_nodes = nodes.size();
   std::vector<double> column_sum(static_cast<std::size_t>(n_nodes), 0.0);
@@ -101,6 +101,7 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     row.gather(mesh, nodes, i);
     row.for_each([&](index_t j, double B) { column_sum[static_cast<std::size_t>(j)] += B; });
   }
+  const double least_volume = least_mass / tait.rho0;
   double omega_squared = 0.0;
   for (index_t i = 0; i < n_nodes; ++i)
   {
@@ -110,7 +111,7 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
         [&](index_t j, double B)
         {
           const auto k = static_cast<std::size_t>(j);
-          sum += B * tait.tangent_modulus(nodes.p[k]) / nodes.V[k] * column_sum[k];
+          sum += B * tait.tangent_modulus(nodes.p[k]) / std::max(nodes.V[k], least_volume) * column_sum[k];
         });
     if (sum > 0.0)
       omega_squared = std::max(omega_squared, sum / nodes.inertia[static_cast<std::size_t>(i)]);
@@ -151,9 +152,7 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
   return dt;
 }
 
-template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
-                                      const ElementTermsConfig&);
-template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
-                                      const ElementTermsConfig&);
+template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&, const ElementTermsConfig&, double);
+template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&, const ElementTermsConfig&, double);
 
 } // namespace undine::fluid

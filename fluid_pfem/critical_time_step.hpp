@@ -16,6 +16,6 @@ namespace undine::fluid
 /// undamped operator, and finite on interior slivers: it sees the faces of elements, never their volume. [s]
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& terms);
+                          const ElementTermsConfig& terms, double least_mass);
 
 } // namespace undine::fluid

@@ -145,7 +145,7 @@ template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
-  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, nodes_, begin, end));
+  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(), nodes_, begin, end));
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
       nodes_.p[static_cast<std::size_t>(n)] = std::max(nodes_.p[static_cast<std::size_t>(n)], config_.least_pressure);
@@ -156,9 +156,9 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
 }
 
 template <int dim>
-void Fluid<dim>::update_elements(index_t begin, index_t end)
+void Fluid<dim>::update_elements(double dt, index_t begin, index_t end)
 {
-  update_element_terms<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), begin, end, terms_);
+  update_element_terms<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end, terms_);
 }
 
 template <int dim>
@@ -182,7 +182,7 @@ void Fluid<dim>::solve_free_motion_of_interface(double dt)
   if (n_wet_ == 0)
     return;
   update_state(0, n_layer_);
-  update_elements(0, e_wet_);
+  update_elements(dt, 0, e_wet_);
   update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_wet_, mass_rate_);
   add_body_force(0, n_wet_);
   for (index_t n = 0; n < n_wet_; ++n)
@@ -198,7 +198,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   const index_t n_nodes = nodes_.size();
   update_state(n_layer_, n_nodes);
-  update_elements(e_wet_, mesh_.n_elements());
+  update_elements(dt, e_wet_, mesh_.n_elements());
   dissipated_ += dt * terms_.dissipation;
   update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), n_wet_, n_nodes, mass_rate_);
   add_body_force(n_wet_, n_nodes);
@@ -312,7 +312,7 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms);
+  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms, config_.inertia_floor * regular_mass());
 }
 
 template <int dim>
@@ -420,7 +420,7 @@ void Fluid<dim>::finish_mesh()
   e_wet_ = 0;
   while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
     ++e_wet_; // elements are sorted by their smallest node
-  update_elements(0, mesh_.n_elements());
+  update_elements(0.0, 0, mesh_.n_elements());
   update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
@@ -516,7 +516,9 @@ void Fluid<dim>::smooth_mass_defect()
         for (std::size_t b = a + 1; b <= dim; ++b)
         {
           const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
-          const double flux = share * ((nodes_.M[i] - nodes_.m[i]) - (nodes_.M[j] - nodes_.m[j]));
+          const double wanted = share * ((nodes_.M[i] - nodes_.m[i]) - (nodes_.M[j] - nodes_.m[j]));
+          // A small node must not be emptied.
+          const double flux = std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
           nodes_.M[i] -= flux;
           nodes_.M[j] += flux;
         }
@@ -599,9 +601,9 @@ FluidEnergy Fluid<dim>::energy() const
   const Vec<dim> g = gravity();
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
-    e.kinetic += 0.5 * nodes_.m[i] * norm_squared(nodes_.v[i]);
+    e.kinetic += 0.5 * nodes_.M[i] * norm_squared(nodes_.v[i]);
     e.internal += nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]);
-    e.potential -= nodes_.m[i] * dot(g, nodes_.x[i]);
+    e.potential -= nodes_.M[i] * dot(g, nodes_.x[i]);
   }
   e.dissipated = dissipated_;
   e.remesh_gain = remesh_gain_;

@@ -123,7 +123,7 @@ private:
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
-  void update_elements(index_t begin, index_t end);
+  void update_elements(double dt, index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
   void check_state(index_t bad_node) const;

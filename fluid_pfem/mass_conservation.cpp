@@ -26,16 +26,22 @@ void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, in
 }
 
 template <int dim>
-index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, FluidNodes<dim>& nodes,
+index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double least_mass, FluidNodes<dim>& nodes,
                                     index_t begin, index_t end)
 {
+  const double least_volume = least_mass / tait.rho0;
   index_t bad = -1;
   for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
-    if (nodes.V[i] > 0.0)
+    if (nodes.V[i] > least_volume)
     {
       nodes.rho[i] = nodes.m[i] / nodes.V[i];
+      nodes.p[i] = tait.pressure(nodes.rho[i]);
+    }
+    else if (nodes.V[i] > -0.5 * least_volume && !mesh.isolated(n))
+    {
+      nodes.rho[i] = (nodes.m[i] + tait.rho0 * (least_volume - nodes.V[i])) / least_volume;
       nodes.p[i] = tait.pressure(nodes.rho[i]);
     }
     else if (mesh.isolated(n))
@@ -51,9 +57,9 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
 
 template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&, index_t, index_t);
 template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&, index_t, index_t);
-template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, FluidNodes<2>&, index_t,
+template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&, index_t,
                                                 index_t);
-template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, FluidNodes<3>&, index_t,
+template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&, index_t,
                                                 index_t);
 
 } // namespace undine::fluid

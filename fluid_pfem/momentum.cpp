@@ -15,7 +15,7 @@ namespace
 
 template <bool bulk, bool shear, bool exchange, int dim>
 void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
-                  const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms)
+                  const Vec<dim>& b, double dt, index_t begin, index_t end, ElementTerms<dim>& terms)
 {
   const double weight = 1.0 / (dim + 1), alpha = config.residual * std::sqrt(2.0 * dim) / c0;
   const double with_a = config.residual_with_acceleration ? 1.0 : 0.0;
@@ -68,7 +68,16 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
         if (!terms.body.empty())
           a_bar -= weight * terms.body[static_cast<std::size_t>(corner[a])];
       }
-      terms.z[k] = (alpha * height) * (inverse_V * grad_p - (proper * rho) * (b - a_bar));
+      Vec<dim> z = (alpha * height) * (inverse_V * grad_p - (proper * rho) * (b - a_bar));
+      double largest = 0.0, least_mass = nodes.m[static_cast<std::size_t>(corner[0])];
+      for (std::size_t a = 0; a <= dim; ++a)
+      {
+        largest = std::max(largest, std::abs(dot(V_grad_N[a], z)));
+        least_mass = std::min(least_mass, nodes.m[static_cast<std::size_t>(corner[a])]);
+      }
+      if (dt * largest > 0.05 * least_mass)
+        z *= 0.05 * least_mass / (dt * largest);
+      terms.z[k] = z;
     }
   }
   terms.dissipation += dissipation;
@@ -123,7 +132,7 @@ void with_switches(bool bulk, bool shear, bool exchange, Act&& act)
 
 template <int dim>
 void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
-                          const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms)
+                          const Vec<dim>& b, double dt, index_t begin, index_t end, ElementTerms<dim>& terms)
 {
   const bool bulk = config.bulk(), shear = config.mu > 0.0, exchange = config.residual > 0.0;
   terms.q.resize(bulk ? mesh.elements.size() : 0);
@@ -133,7 +142,7 @@ void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     terms.dissipation = 0.0;
   if (config.none())
     return;
-  with_switches(bulk, shear, exchange, [&]<bool B, bool S, bool X>() { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, begin, end, terms); });
+  with_switches(bulk, shear, exchange, [&]<bool B, bool S, bool X>() { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, dt, begin, end, terms); });
 }
 
 template <int dim>
@@ -144,8 +153,8 @@ void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, con
                 [&]<bool B, bool S, bool X>() { node_pass<B, S, X, dim>(mesh, nodes, terms, b, begin, end, mass_rate); });
 }
 
-template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&, double, const Vec<2>&, index_t, index_t, ElementTerms<2>&);
-template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&, double, const Vec<3>&, index_t, index_t, ElementTerms<3>&);
+template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&, double, const Vec<2>&, double, index_t, index_t, ElementTerms<2>&);
+template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&, double, const Vec<3>&, double, index_t, index_t, ElementTerms<3>&);
 template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementTerms<2>&, const Vec<2>&, index_t, index_t, std::span<double>);
 template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementTerms<3>&, const Vec<3>&, index_t, index_t, std::span<double>);
 

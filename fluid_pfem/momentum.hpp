@@ -44,10 +44,10 @@ struct ElementTerms
 ///   q = −ρ ℓ (b₁ c₀ − b₂² ℓ min(∇·v, 0)) ∇·v                 (von Neumann & Richtmyer 1950), ℓ the height (Σ|∇N|²)^(−1/2),
 ///   τ = 2μ dev D,
 ///   z = α (√(2 dim) ℓ/c₀) (∇p − ρ (b − ā))                      (residual of momentum; zero in hydrostatic rest).
-/// The height as length keeps q and z bounded on slivers.
+/// The height as length keeps q and z bounded on slivers; over a step `dt` [s] z takes at most a twentieth of the smallest mass of its element.
 template <int dim>
 void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
-                          const Vec<dim>& b, index_t begin, index_t end, ElementTerms<dim>& terms);
+                          const Vec<dim>& b, double dt, index_t begin, index_t end, ElementTerms<dim>& terms);
 
 /// Acceleration a = F/inertia + b of nodes [begin, end), and where there is a mass flux ṁ_i = −Σ_e V_e ∇N_i·z_e [kg/s].
 template <int dim>

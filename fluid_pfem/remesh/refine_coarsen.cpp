@@ -2,6 +2,7 @@
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <bit>
 #include <tuple>
 #include <utility>
@@ -35,6 +36,46 @@ int count_pieces(const std::array<int, 3>& pieces)
   return static_cast<int>(std::count_if(pieces.begin(), pieces.end(), [](int p) { return p >= 0; }));
 }
 
+/// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one corner.
+template <int dim>
+void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces, std::vector<Edge>& close)
+{
+  constexpr double touching = 0.1; // of the spacing
+  std::vector<std::pair<std::array<long, dim>, index_t>> cells;
+  double bin = 0.0;
+  for (const double h : nodes.h)
+    bin = std::max(bin, touching * h);
+  for (index_t n = 0; n < nodes.size(); ++n)
+    if (nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
+    {
+      std::array<long, dim> cell;
+      for (int i = 0; i < dim; ++i)
+        cell[static_cast<std::size_t>(i)] = std::lround(std::floor(nodes.x[static_cast<std::size_t>(n)][i] / bin));
+      cells.emplace_back(cell, n);
+    }
+  std::sort(cells.begin(), cells.end());
+  for (const auto& [cell, n] : cells)
+  {
+    int offsets = 1;
+    for (int i = 0; i < dim; ++i)
+      offsets *= 3;
+    for (int k = 0; k < offsets; ++k)
+    {
+      std::array<long, dim> near = cell;
+      for (int i = 0, rest = k; i < dim; ++i, rest /= 3)
+        near[static_cast<std::size_t>(i)] += rest % 3 - 1;
+      for (auto it = std::lower_bound(cells.begin(), cells.end(), std::pair{near, n + 1}); it != cells.end() && it->first == near; ++it)
+      {
+        const auto p = static_cast<std::size_t>(n), q = static_cast<std::size_t>(it->second);
+        const double length = norm(nodes.x[p] - nodes.x[q]) / std::min(nodes.h[p], nodes.h[q]);
+        const bool across_a_wall = count_pieces(wall_pieces[p]) > 0 && count_pieces(wall_pieces[q]) > 0 && common_pieces(wall_pieces[p], wall_pieces[q])[0] < 0;
+        if (length < touching && !across_a_wall)
+          close.push_back({length, n, it->second});
+      }
+    }
+  }
+}
+
 } // namespace
 
 template <int dim>
@@ -54,6 +95,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
         else if (length > std::min(rules.split, rules.split_wall))
           far.push_back({-length, i, j});
       }
+  add_touching(nodes, wall_pieces, close);
   if (close.empty() && far.empty())
     return {};
   std::set<std::pair<index_t, index_t>> boundary_edges;
@@ -87,19 +129,18 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     };
     if (rank(k) < rank(l))
       std::swap(k, l);
-    const bool l_is_bound = static_cast<index_t>(l) < n_wet || (nodes.surface[l] & ~nodes.surface[k]) != 0 ||
-                            count_pieces(common_pieces(wall_pieces[k], wall_pieces[l])) < count_pieces(wall_pieces[l]);
-    if (l_is_bound)
+    // Two nodes on different walls meet in a corner: one of them is enough there, the pressure pushes it in.
+    if (static_cast<index_t>(l) < n_wet || (nodes.surface[l] & ~nodes.surface[k]) != 0)
       continue;
     busy[k] = busy[l] = dead[l] = 1;
-    const double total = nodes.M[k] + nodes.M[l], share = nodes.M[l] / total;
-    report.kinetic_lost += 0.5 * nodes.M[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
+    const double share = nodes.m[l] / (nodes.m[k] + nodes.m[l]);
+    report.kinetic_lost += 0.5 * nodes.m[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
     if (rank(k) == rank(l))
       nodes.x[k] += share * (nodes.x[l] - nodes.x[k]);
     nodes.v[k] += share * (nodes.v[l] - nodes.v[k]);
     nodes.a[k] += share * (nodes.a[l] - nodes.a[k]);
     nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
-    nodes.M[k] = total;
+    nodes.M[k] += nodes.M[l];
     nodes.m[k] += nodes.m[l];
     nodes.flag[k] = static_cast<std::uint8_t>(nodes.flag[k] | nodes.flag[l]);
     ++report.merged;
@@ -120,8 +161,8 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     busy[k] = busy[l] = 1;
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
     const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
-    // Momentum: M v_new = (M_k v_k + M_l v_l)/3.
-    const Vec<dim> v = (1.0 / (3.0 * M)) * (nodes.M[k] * nodes.v[k] + nodes.M[l] * nodes.v[l]);
+    // Momentum: m v_new = (m_k v_k + m_l v_l)/3 with m = (m_k + m_l)/3.
+    const Vec<dim> v = (1.0 / (nodes.m[k] + nodes.m[l])) * (nodes.m[k] * nodes.v[k] + nodes.m[l] * nodes.v[l]);
     nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));
     nodes.v.push_back(v);
     nodes.a.push_back(mean(nodes.a[k], nodes.a[l]));

@@ -149,7 +149,7 @@ TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by mu
   FluidConfig config = box_config<dim>(dim == 2 ? 0.05 : 0.2);
   config.seeding.jitter = jitter;
   Fluid<dim> fluid(config);
-  const double claimed = critical_time_step<dim>(fluid.mesh(), fluid.nodes(), config.tait, {});
+  const double claimed = critical_time_step<dim>(fluid.mesh(), fluid.nodes(), config.tait, {}, 0.0);
 
   // a(ε w) is linear in small displacements: acceleration of x + ε w at fixed masses
   FluidNodes<dim> nodes = fluid.nodes();
@@ -173,7 +173,7 @@ TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by mu
       nodes.x[i] = fluid.nodes().x[i] + epsilon * w[i];
     }
     update_nodal_volumes<dim>(fluid.mesh(), nodes, 0, nodes.size());
-    update_density_and_pressure<dim>(fluid.mesh(), config.tait, nodes, 0, nodes.size());
+    update_density_and_pressure<dim>(fluid.mesh(), config.tait, 0.0, nodes, 0, nodes.size());
     update_acceleration<dim>(fluid.mesh(), nodes, {}, {}, 0, nodes.size(), {});
     double grown = 0.0;
     for (std::size_t i = 0; i < w.size(); ++i)

@@ -109,7 +109,7 @@ TEMPLATE_TEST_CASE_SIG("the pressure force is minus the gradient of the internal
   };
   FluidNodes<dim> state = nodes;
   update_nodal_volumes<dim>(fluid.mesh(), state, 0, state.size());
-  REQUIRE(update_density_and_pressure<dim>(fluid.mesh(), config.tait, state, 0, state.size()) == -1);
+  REQUIRE(update_density_and_pressure<dim>(fluid.mesh(), config.tait, 0.0, state, 0, state.size()) == -1);
   update_acceleration<dim>(fluid.mesh(), state, {}, {}, 0, state.size(), {});
   double largest = 0.0;
   for (std::size_t i = 0; i < state.x.size(); ++i)
