@@ -121,6 +121,10 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   const auto n = static_cast<std::size_t>(dim);
   SolidConfig config;
   config.dim = dim;
+  solid.texts({"program", "",
+               "command of another solid to be started by scripts/run instead of solid_fe, such as "
+               "[\"python3\", \"my_solid.py\"]; empty: solid_fe"},
+              {});
   config.material = read_material(solid);
   config.geometry = read_geometry(file, solid, dim, element_size);
   config.gravity =
