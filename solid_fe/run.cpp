@@ -74,7 +74,7 @@ link::Report report_of(const Energies& e, double stable_dt, double mass, std::in
   link::Report report;
   report.stable_dt = stable_dt;
   report.kinetic_energy = e.kinetic;
-  report.internal_energy = e.strain;
+  report.internal_energy = e.strain + e.hourglass + e.plastic + e.viscous + e.contact;
   report.external_work = e.external;
   report.interface_work = e.interface;
   report.mass = mass;
@@ -253,11 +253,16 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
   summary.set("mass", solid.mass());
   summary.set("mass_drift", result.mass_drift);
   summary.set("energy_drift", result.energy_drift);
-  summary.set("energy_drift_definition", std::string("largest |balance - start| over the largest energy or "
-                                                     "work, balance = kinetic + strain - external - "
-                                                     "interface, at history times"));
+  summary.set("energy_drift_definition",
+              std::string("largest |balance - start| over the largest energy or "
+                          "work, balance = kinetic + strain + hourglass + plastic + "
+                          "viscous + contact - external - interface, at history times"));
   summary.set("kinetic_energy", e.kinetic);
   summary.set("strain_energy", e.strain);
+  summary.set("hourglass_energy", e.hourglass);
+  summary.set("plastic_work", e.plastic);
+  summary.set("viscous_work", e.viscous);
+  summary.set("contact_energy", e.contact);
   summary.set("external_work", e.external);
   summary.set("interface_work", e.interface);
   return summary;

@@ -22,8 +22,22 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   const auto n = reference_.mesh.x.size();
   std::vector<double> nodal_volume(n, 0.0);
   const Material material = make_material(config.material);
-  for (auto& block : reference_blocks(reference_.mesh, reference_.n_wet, std::span<double>(nodal_volume)))
-    bodies_.push_back({std::move(block), material, config.material.density});
+  const double modulus = config.material.youngs_modulus; // of the hourglass control: does not grow near ν = ½
+  const BlockOptions options{.formulation = config.formulation,
+                             .plane = config.plane,
+                             .hourglass_modulus = config.hourglass_stiffness * modulus};
+  for (auto& block :
+       reference_blocks(reference_.mesh, reference_.n_wet, options, std::span<double>(nodal_volume)))
+  {
+    auto& body = bodies_.emplace_back(
+        Body<dim>{std::move(block), material, config.material.density, config.plane == PlaneKind::stress});
+    body.state = virgin_state(body, reference_.mesh.n_nodes());
+  }
+  damping_ = {.mass = config.material.mass_damping,
+              .stiffness = config.material.stiffness_damping,
+              .elastic = elastic_constants(config.material.youngs_modulus, config.material.poisson_ratio),
+              .hourglass = config.formulation == Formulation::one_point ? config.hourglass_viscosity : 0.0,
+              .hourglass_modulus = modulus};
   if (bodies_.empty())
     throw InputError("mesh: no element of dimension " + std::to_string(dim) + " in the solid's mesh",
                      ExitCode::bad_input_file);
@@ -56,6 +70,11 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
 
   F_int_.resize(n);
   F_ext_.resize(n);
+  if (damping_.any())
+  {
+    F_viscous_.resize(n);
+    F_viscous_old_.resize(n);
+  }
   const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
   a_free_wet_.resize(n_wet);
   f_link_.resize(n_wet);
@@ -82,8 +101,12 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
   loads_are_full_ = false;
   update_external_force(t);
   std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
-  add_internal_force_of(Part::interface);
-  add_internal_force_of(Part::interior);
+  std::fill(F_viscous_.begin(), F_viscous_.end(), Vec<dim>{});
+  for (const auto part : {Part::interface, Part::interior})
+  {
+    add_internal_force_of(part, 0.0);
+    add_viscous_force_of(part);
+  }
   move_free(0.0, 0, nodes_.size());
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
@@ -93,7 +116,7 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
 template <int dim>
 void Solid<dim>::start_balances()
 {
-  load_work_ = driven_work_ = interface_work_ = 0.0;
+  load_work_ = driven_work_ = interface_work_ = viscous_work_ = 0.0;
   gravity_reference_ = 0.0;
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
@@ -143,7 +166,10 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
 {
   update_external_force(time());
   std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
-  add_internal_force_of(Part::interface);
+  F_viscous_.swap(F_viscous_old_);
+  std::fill(F_viscous_.begin(), F_viscous_.end(), Vec<dim>{});
+  add_internal_force_of(Part::interface, dt);
+  add_viscous_force_of(Part::interface);
   move_free(dt, 0, reference_.n_wet);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
 }
@@ -151,7 +177,9 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
 template <int dim>
 void Solid<dim>::solve_free_motion_of_interior(double dt)
 {
-  add_internal_force_of(Part::interior);
+  add_internal_force_of(Part::interior, dt);
+  add_viscous_force_of(Part::interior);
+  count_viscous_work(dt);
   move_free(dt, reference_.n_wet, nodes_.size());
 
   for (auto& driven : driven_)
@@ -238,8 +266,9 @@ template <int dim>
 double Solid<dim>::critical_time_step() const
 {
   double dt = std::numeric_limits<double>::infinity();
+  const std::span<const Vec<dim>> u(nodes_.u);
   for (const auto& body : bodies_)
-    dt = std::min(dt, stable_step(body, std::span<const Vec<dim>>(nodes_.u)));
+    dt = std::min(dt, stable_step(highest_frequency_squared(body, u), damping_bound(body, damping_, u)));
   return step_safety_ * dt;
 }
 
@@ -254,7 +283,13 @@ Energies Solid<dim>::energies() const
     gravity_work += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
   }
   for (const auto& body : bodies_)
-    e.strain += strain_energy(body, std::span<const Vec<dim>>(nodes_.u));
+  {
+    const auto stored = stored_energy(body, std::span<const Vec<dim>>(nodes_.u));
+    e.strain += stored.strain;
+    e.hourglass += stored.hourglass;
+    e.plastic += stored.plastic;
+  }
+  e.viscous = viscous_work_;
   e.external = gravity_work + load_work_ + driven_work_;
   e.interface = interface_work_;
   return e;
@@ -303,6 +338,8 @@ Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
   {
     const auto n = static_cast<std::size_t>(k);
     total += nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
+    if (!F_viscous_.empty())
+      total += F_viscous_[n];
     if (n < f_link_.size())
       total -= f_link_[n];
   }
@@ -335,22 +372,50 @@ template <int dim>
 std::vector<Vec<dim>> Solid<dim>::internal_force_at(std::span<const Vec<dim>> u) const
 {
   std::vector<Vec<dim>> F(u.size());
-  for (const auto part : {Part::interface, Part::interior})
-    for (const auto& body : bodies_)
-      add_internal_force(body, part, u, std::span<Vec<dim>>(F));
+  for (const auto& body : bodies_)
+  {
+    auto state = body.state;
+    for (const auto part : {Part::interface, Part::interior})
+      add_internal_force(body, part, u, 0.0, state, std::span<Vec<dim>>(F));
+  }
   return F;
 }
 
 template <int dim>
-void Solid<dim>::add_internal_force_of(Part part)
+void Solid<dim>::add_internal_force_of(Part part, double dt)
 {
-  for (const auto& body : bodies_)
+  for (auto& body : bodies_)
   {
-    const index_t inverted =
-        add_internal_force(body, part, std::span<const Vec<dim>>(nodes_.u), std::span<Vec<dim>>(F_int_));
+    const index_t inverted = add_internal_force(body, part, std::span<const Vec<dim>>(nodes_.u), dt,
+                                                body.state, std::span<Vec<dim>>(F_int_));
     if (inverted >= 0)
       fail_inverted(body, inverted);
   }
+}
+
+template <int dim>
+void Solid<dim>::add_viscous_force_of(Part part)
+{
+  if (F_viscous_.empty())
+    return;
+  if (damping_.in_elements())
+    for (const auto& body : bodies_)
+      add_viscous_force(body, damping_, part, std::span<const Vec<dim>>(nodes_.u),
+                        std::span<const Vec<dim>>(nodes_.v), std::span<Vec<dim>>(F_viscous_));
+  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
+  const auto begin = part == Part::interface ? 0 : n_wet;
+  const auto end = part == Part::interface ? n_wet : nodes_.X.size();
+  for (auto n = begin; n < end; ++n)
+    F_viscous_[n] += (damping_.mass * nodes_.m[n]) * nodes_.v[n];
+}
+
+template <int dim>
+void Solid<dim>::count_viscous_work(double dt)
+{
+  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
+  for (std::size_t n = 0; n < F_viscous_.size(); ++n)
+    viscous_work_ +=
+        0.5 * dot(F_viscous_[n] + F_viscous_old_[n], n < n_wet ? step_of_wet_[n] : dt * nodes_.v[n]);
 }
 
 template <int dim>
@@ -377,7 +442,8 @@ void Solid<dim>::move_free(double dt, index_t begin, index_t end)
   for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
     for (int i = 0; i < dim; ++i)
     {
-      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i]);
+      const double viscous = F_viscous_.empty() ? 0.0 : F_viscous_[n][i];
+      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i] - viscous);
       nodes_.a[n][i] = a;
       nodes_.v[n][i] += half * a;
     }
@@ -386,7 +452,8 @@ void Solid<dim>::move_free(double dt, index_t begin, index_t end)
 template <int dim>
 double Solid<dim>::driven_force(const DrivenComponent& driven) const
 {
-  return F_int_[driven.node][driven.component] - F_ext_[driven.node][driven.component];
+  const double viscous = F_viscous_.empty() ? 0.0 : F_viscous_[driven.node][driven.component];
+  return F_int_[driven.node][driven.component] + viscous - F_ext_[driven.node][driven.component];
 }
 
 template <int dim>

@@ -4,6 +4,7 @@
 #include "common/coupling/messages.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
+#include "solid_fe/damping.hpp"
 #include "solid_fe/internal_force.hpp"
 #include "solid_fe/solid_config.hpp"
 #include "solid_fe/solid_nodes.hpp"
@@ -20,16 +21,24 @@ namespace undine::solid
 /// Energies of the solid [J], per metre of thickness in 2-D. Works are cumulated by the trapezoidal rule in
 /// time, ½ (F_n + F_n+1) · Δu, for which the scheme gives exactly (constant Δt, linear law; up to O(Δt²)
 /// without trend otherwise)
-///     Δ(kinetic − Δt²/8 a·M a) + Δ strain = Δ external + Δ interface,
-/// so that kinetic + strain − external − interface stays within Δt²/8 a·M a of its start.
+///     Δ(kinetic − Δt²/8 a·M a) + Δ strain + Δ hourglass + Δ plastic + Δ viscous + Δ contact
+///         = Δ external + Δ interface,
+/// so that the balance stays within Δt²/8 a·M a of its start.
 struct Energies
 {
   double kinetic = 0.0;
   double strain = 0.0;
+  double hourglass = 0.0; ///< stored in the hourglass stiffness
+  double plastic = 0.0;   ///< plastic work since the start
+  double viscous = 0.0;   ///< taken by damping and viscous hourglass control since the start
+  double contact = 0.0;   ///< stored in and dissipated by contact since the start
   double external = 0.0;  ///< work of gravity, tractions and prescribed motion since the start
   double interface = 0.0; ///< work of link forces and activation impulses since the start
 
-  double balance() const { return kinetic + strain - external - interface; }
+  double balance() const
+  {
+    return kinetic + strain + hourglass + plastic + viscous + contact - external - interface;
+  }
 };
 
 /// Promise: nodes and elements that touch the wet surface come first; u, v, a and the balances belong to one
@@ -107,7 +116,9 @@ private:
     double reaction; ///< [N] at the last complete instant
   };
 
-  void add_internal_force_of(Part part);
+  void add_internal_force_of(Part part, double dt);
+  void add_viscous_force_of(Part part);
+  void count_viscous_work(double dt);
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
   void start_balances();
@@ -124,6 +135,8 @@ private:
   std::vector<Vec<dim>> F_int_, F_ext_; ///< [N]
   std::vector<DrivenComponent> driven_;
   bool loads_are_full_ = false;
+  Damping damping_;
+  std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping
 
   std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
@@ -132,7 +145,7 @@ private:
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
   std::int64_t steps_of_dt_ = 0, step_ = 0;
   double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]
-  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0;
+  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0, viscous_work_ = 0.0;
 };
 
 } // namespace undine::solid

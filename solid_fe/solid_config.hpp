@@ -3,6 +3,7 @@
 
 #include "common/mesh/mesh.hpp"
 #include "solid_fe/material.hpp"
+#include "solid_fe/reference_block.hpp"
 
 #include <string>
 #include <vector>
@@ -52,6 +53,10 @@ struct GeometryConfig
 struct SolidConfig
 {
   int dim = 2;
+  PlaneKind plane = PlaneKind::strain;
+  Formulation formulation = Formulation::full;
+  double hourglass_stiffness = 0.1; ///< one-point elements: fraction of E V Σ |∇N|²
+  double hourglass_viscosity = 0.0; ///< one-point elements: c of the modal force c √(K m) q̇
   GeometryConfig geometry;
   MaterialConfig material;
   std::vector<double> gravity;          ///< body force per mass [m/s²], dim numbers
