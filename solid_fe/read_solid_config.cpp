@@ -171,6 +171,14 @@ void read_formulation(const CaseTable& solid, int dim, SolidConfig& config)
   }
 }
 
+/// One formula per component, or none.
+void check_formulas(const CaseTable& table, const std::vector<std::string>& formulas, std::size_t n,
+                    const char* key = "function")
+{
+  if (!formulas.empty() && formulas.size() != n)
+    table.fail(key, "must have one formula per component");
+}
+
 void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& config)
 {
   const auto n = static_cast<std::size_t>(dim);
@@ -186,7 +194,11 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
   {
     VelocityConfig velocity;
     velocity.on = table.text({"on", "", "name of the surface or node set"});
-    velocity.value = table.numbers({"value", "m/s", "velocity"}, n, any_number());
+    velocity.function =
+        table.texts({"function", "m/s", "formulas of x, y, z, t, one per component, instead of value"}, {});
+    check_formulas(table, velocity.function, n);
+    if (velocity.function.empty())
+      velocity.value = table.numbers({"value", "m/s", "velocity"}, n, any_number());
     velocity.components = table.texts({"components", "", "prescribed components"}, component_names(dim));
     config.velocity.push_back(std::move(velocity));
   }
@@ -194,12 +206,64 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
   {
     TractionConfig traction;
     traction.on = table.text({"on", "", "name of the surface"});
+    traction.function =
+        table.texts({"function", "Pa",
+                     "formulas of x, y, z (undeformed) and t, one per component, instead of value and ramp"},
+                    {});
+    check_formulas(table, traction.function, n);
+    if (!traction.function.empty())
+    {
+      config.traction.push_back(std::move(traction));
+      continue;
+    }
     traction.value = table.numbers({"value", "Pa", "traction"}, n, any_number());
     traction.ramp =
         table.number({"ramp", "s", "time over which it grows linearly from 0; 0: full from the start"}, 0.0,
                      non_negative());
     config.traction.push_back(std::move(traction));
   }
+  for (const auto& table : solid.tables("pressure", "pressure on the deformed surface"))
+  {
+    PressureConfig pressure;
+    pressure.on = table.text({"on", "", "name of the surface"});
+    pressure.function = table.text({"function", "Pa", "formula of x, y, z (undeformed) and t"});
+    config.pressure.push_back(std::move(pressure));
+  }
+  config.body_force_function = solid.texts(
+      {"body_force_function", "m/s2", "formulas of x, y, z, t added to gravity, one per component"}, {});
+  check_formulas(solid, config.body_force_function, n, "body_force_function");
+  config.initial_velocity_function =
+      solid.texts({"initial_velocity_function", "m/s",
+                   "formulas of x, y, z instead of initial_velocity, one per component"},
+                  {});
+  check_formulas(solid, config.initial_velocity_function, n, "initial_velocity_function");
+}
+
+void read_contact(const CaseTable& solid, int dim, SolidConfig& config)
+{
+  const auto n = static_cast<std::size_t>(dim);
+  const Key friction{"friction", "", "Coulomb's coefficient"};
+  for (const auto& table : solid.tables("wall", "a rigid plane that nodes cannot pass"))
+  {
+    WallConfig wall;
+    wall.point = table.numbers({"point", "m", "a point of the plane"}, n, any_number());
+    wall.normal = table.numbers({"normal", "", "direction to the side where the solid is"}, n, any_number());
+    wall.friction = table.number(friction, 0.0, non_negative());
+    wall.on = table.text({"on", "", "surface or node set that may touch it; empty: the whole boundary"}, "");
+    config.wall.push_back(std::move(wall));
+  }
+  for (const auto& table : solid.tables("contact", "nodes that cannot pass a surface of the solid"))
+  {
+    ContactConfig contact;
+    contact.nodes = table.text({"nodes", "", "surface or node set"});
+    contact.surface = table.text({"surface", "", "surface they cannot pass; the same name: self-contact"});
+    contact.friction = table.number(friction, 0.0, non_negative());
+    config.contact.push_back(std::move(contact));
+  }
+  if (!config.wall.empty() || !config.contact.empty())
+    config.contact_stiffness = solid.number(
+        {"contact_stiffness", "", "penalty stiffness relative to omega^2 m, omega the highest frequency"},
+        config.contact_stiffness, between(1e-6, 1.0));
 }
 
 } // namespace
@@ -223,6 +287,7 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   config.step_safety =
       solid.number({"step_safety", "", "fraction of the stable step that is used"}, 0.9, between(0.01, 1.0));
   read_supports_and_loads(solid, dim, config);
+  read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)
     config.wet.push_back({interface.name, interface.solid});
   return config;

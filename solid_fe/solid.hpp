@@ -4,6 +4,7 @@
 #include "common/coupling/messages.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
+#include "solid_fe/contact.hpp"
 #include "solid_fe/damping.hpp"
 #include "solid_fe/internal_force.hpp"
 #include "solid_fe/solid_config.hpp"
@@ -12,6 +13,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -103,6 +105,8 @@ public:
     return reference_.number;
   } ///< of each node in the mesh it was made from
   index_t n_elements() const;
+  /// Walls and contact pairs; null if the case has none.
+  const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
   /// F_int at any displacement [N]; for verification and statics, allocates.
   std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
@@ -114,11 +118,15 @@ private:
     std::size_t node;
     int component;
     double reaction; ///< [N] at the last complete instant
+    int function;    ///< formula of its velocity, −1: constant
+    double v_step;   ///< velocity within the step [m/s]
   };
 
   void add_internal_force_of(Part part, double dt);
   void add_viscous_force_of(Part part);
-  void count_viscous_work(double dt);
+  void add_contact_force(double dt);
+  void count_works(double dt);
+  double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
   void start_balances();
@@ -137,6 +145,12 @@ private:
   bool loads_are_full_ = false;
   Damping damping_;
   std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping
+  std::optional<Contact<dim>> contact_;
+  std::vector<Vec<dim>> F_contact_, F_contact_old_; ///< [N]; empty without contact
+  std::vector<FormulaLoad<dim>> formula_loads_;
+  FieldFunction body_force_;                        ///< per mass
+  std::vector<FieldFunction> driving_;              ///< formulas of prescribed velocities
+  std::vector<Vec<dim>> F_formula_, F_formula_old_; ///< [N]; empty without formulas of loads
 
   std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
@@ -145,7 +159,8 @@ private:
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
   std::int64_t steps_of_dt_ = 0, step_ = 0;
   double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]
-  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0, viscous_work_ = 0.0;
+  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0, viscous_work_ = 0.0,
+         contact_work_ = 0.0;
 };
 
 } // namespace undine::solid

@@ -505,9 +505,19 @@ double highest_frequency_squared_of(const Body<dim>& body, const Law& law, std::
               {
                 // δF̄ = (J̄/J)^(1/d) (δF + (δJ̄/J̄ − tr(δF F⁻¹)) F/d): the volume changes of the others enter
                 // with the ratio of the volumes, and an isotropic part stretched by F.
-                const auto [low, high] = extreme_stretches_squared(H);
-                bound.full *= Law::small_strain ? 1.0 : high / low;
-                bound.volumetric *= Law::small_strain ? 1.0 : high / low;
+                // A law whose bound is one of the deviator of δF F⁻¹ does not see the second part: only the
+                // volume ratio counts.
+                if constexpr (requires { Law::bound_of_rates; })
+                {
+                  const double ratio = (1.0 + volume_strain(H)) / (1.0 + volume_strain(H_bar));
+                  bound.volumetric *= std::max(1.0, ratio * ratio);
+                }
+                else if constexpr (!Law::small_strain)
+                {
+                  const auto [low, high] = extreme_stretches_squared(H);
+                  bound.full *= high / low;
+                  bound.volumetric *= high / low;
+                }
               }
               worst.full = std::max(worst.full, bound.full);
               worst.volumetric = std::max(worst.volumetric, bound.volumetric);

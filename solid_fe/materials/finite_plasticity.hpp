@@ -30,6 +30,7 @@ struct FinitePlasticity
 {
   static constexpr const char* name = Hardening::name;
   static constexpr bool small_strain = false;
+  static constexpr bool bound_of_rates = true; ///< tangent_bound comes from a bound in δF F⁻¹
 
   /// Numbers kept per point, all zero at first: Ḡ − I (xx, yy, zz, xy and in 3-D yz, xz), equivalent plastic
   /// strain, plastic work per volume [J/m³], rise of the static yield stress [Pa], rise of temperature [K].

@@ -244,8 +244,9 @@ TEMPLATE_TEST_CASE_SIG("the claimed step of every form never exceeds the true li
           INFO(name_of(kind) << " " << law << " nu " << poisson << " strain " << strain
                              << ": claimed/true = " << claimed / limit);
           CHECK(claimed <= limit * (1.0 + 1e-6));
-          // Deformed: see the README. Plane stress: the bound ignores the relief across the plane.
-          CHECK(claimed >= (strain > 0.0 ? 0.25 : kind.plane == PlaneKind::stress ? 0.4 : 0.5) * limit);
+          // Deformed: see the README. Plane stress: the bound ignores the relief across the plane;
+          // averaged dilatation: it ignores the averaging.
+          CHECK(claimed >= (strain > 0.0 ? 0.25 : 0.38) * limit);
         }
 }
 
