@@ -70,7 +70,8 @@ private:
 [[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
                               const std::string& out_dir);
 
-/// The same without the end: print `text` and write FAILED.toml, for a program that runs alone and returns its code.
+/// The same without the end: print `text` and write FAILED.toml, for a program that runs alone and returns
+/// its code.
 void report_failure(int code, const std::string& role, const std::string& text, const std::string& out_dir);
 
 } // namespace undine::link
