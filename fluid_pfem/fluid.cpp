@@ -429,15 +429,15 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
     ++e_wet_; // elements are sorted by their smallest node
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry half a kick into it.
-  for (std::size_t i = 0; i < nodes_.v.size(); ++i)
+  const std::vector<Vec<dim>> v = nodes_.v;
+  for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
   update_elements(dt_before_, 0, mesh_.n_elements());
   update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
-  for (std::size_t i = 0; i < nodes_.v.size(); ++i)
-    nodes_.v[i] += 0.5 * dt_before_ * nodes_.a[i];
+  nodes_.v = v;
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;

@@ -56,9 +56,30 @@ def ranks_of(text, programs):
     return ranks
 
 
-def mpirun_line(args, case, programs, ranks, out):
+def foreign_command(words, case, binaries):
+    """Command of a program that a case names itself, such as ["python3", "my_solid.py"]: the words that are files beside the
+    case, and a first word that is one of our binaries, become paths; the rest is looked up as usual."""
+    if not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
+        sys.exit(f"error: {case}: program = {words}: write a list of words, such as [\"python3\", \"my_solid.py\"]")
+    folder = case.resolve().parent
+    command = [str(folder / word) if (folder / word).is_file() else word for word in words]
+    if command[0] == "python3":
+        command[0] = "/usr/bin/python3"  # Debian's, which has mpi4py
+    elif (binaries / command[0]).is_file():
+        command[0] = str(binaries / command[0])
+    elif shutil.which(command[0]) is None:
+        sys.exit(f"error: {case}: program = {words}: '{words[0]}' is neither beside the case, nor in {binaries}, nor in PATH")
+    return command
+
+
+def mpirun_line(args, case, settings, programs, ranks, out):
     """The command line, as a list. One program on one rank needs no mpirun."""
+    binaries = ROOT / "build" / args.build / "bin"
     executable = {"coupler": "coupler", "fluid": "fluid_pfem", "solid": "solid_fe"}
+    commands = {p: [str(binaries / executable[p])] for p in programs}
+    foreign = [p for p in programs if p != "coupler" and settings[p].get("program")]
+    for p in foreign:
+        commands[p] = foreign_command(settings[p]["program"], case, binaries)
     common = [str(case), "--out", str(out)]
     for override in args.set:
         common += ["--set", override]
@@ -67,9 +88,9 @@ def mpirun_line(args, case, programs, ranks, out):
     if sys.stderr.isatty():  # mpirun hides the terminal from the programs
         common += ["--progress", "1"]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
-    lines = [[str(ROOT / "build" / args.build / "bin" / executable[p])] + common for p in programs]
+    lines = [commands[p] + common for p in programs]
     if args.check:
-        return lines
+        return [commands[p] + common for p in programs if p not in foreign]
     if len(programs) == 1 and ranks[programs[0]] == 1:
         return [lines[0]]
     line = ["mpirun"]
@@ -180,13 +201,15 @@ def main():
     compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-    lines = mpirun_line(args, case, programs, ranks, out)
+    # where Python solvers find undine_link.py and the library
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "build" / args.build / "lib"), os.environ.get("PYTHONPATH")]))
+    lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
         code = check_all(lines, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
-            print("would run: " + " ".join(mpirun_line(would, case, programs, ranks, out)[0]))
+            print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))
         return 0 if code == 0 else (code if code in (2, 4) else 20)
 
     out.mkdir(parents=True, exist_ok=True)
@@ -194,6 +217,7 @@ def main():
         old.unlink(missing_ok=True)
     for old in ("history", "plots"):
         shutil.rmtree(out / old, ignore_errors=True)
+    (out / "history").mkdir()
 
     print(shlex.join(lines[0]), flush=True)
     begin = time.monotonic()
