@@ -131,7 +131,7 @@ void Fluid<dim>::predict(double dt)
   if (!contact_.empty())
   {
     contact_.move_to(t_);
-    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a);
+    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_ > 0.0 ? dt_before_ : dt);
     for (index_t n = 0; n < n_nodes; ++n)
       fastest = std::max(fastest, norm_squared(nodes_.v[static_cast<std::size_t>(n)]));
   }
@@ -139,6 +139,7 @@ void Fluid<dim>::predict(double dt)
     nodes_.x[static_cast<std::size_t>(n)] += dt * nodes_.v[static_cast<std::size_t>(n)];
   if (!contact_.empty() && contact_.candidates_expired(dt * std::sqrt(fastest)))
     contact_.find_candidates(nodes_.x, config_.element_size);
+  dt_before_ = dt;
 }
 
 template <int dim>
@@ -352,9 +353,13 @@ void Fluid<dim>::remesh()
   }
   const SpacingReport spacing = refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, delaunay(nodes_.x), old, config_.remesh.shape);
-  mesh_ = connect<dim>(nodes_.size(), std::move(choice.elements));
-  delete_isolated_nodes();
-  finish_mesh();
+  const double particle_mass = mass();
+  if (config_.feedback_time > 0.0)
+    release_mass(choice);
+  delete_isolated_nodes(choice.elements);
+  finish_mesh(std::move(choice.elements));
+  if (config_.feedback_time > 0.0)
+    settle_mass(particle_mass);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -368,8 +373,7 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  mesh_ = connect<dim>(nodes_.size(), alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x)));
-  finish_mesh();
+  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x)));
   nodes_.M = nodes_.m;
 }
 
@@ -385,9 +389,15 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 
 /// All that follows from positions, densities and connectivity.
 template <int dim>
-void Fluid<dim>::finish_mesh()
+void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
-  order_nodes();
+  // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes must come first.
+  constexpr std::int64_t order_every = 25;
+  if (wet_mask_ != 0 || ledger_.remeshes % order_every == 0)
+    order_nodes(elements);
+  else
+    n_layer_ = 0;
+  mesh_ = connect<dim>(nodes_.size(), std::move(elements));
   flag_nodes();
   const index_t n_nodes = nodes_.size();
   constrained_.clear();
@@ -397,6 +407,7 @@ void Fluid<dim>::finish_mesh()
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
+  const double least_volume = config_.inertia_floor * regular_mass() / config_.tait.rho0;
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
   update_nodal_volumes<dim>(mesh_, nodes_, 0, n_nodes);
   for (index_t n = 0; n < n_nodes; ++n)
@@ -405,26 +416,28 @@ void Fluid<dim>::finish_mesh()
     if (mesh_.isolated(n))
     {
       nodes_.rho[i] = config_.tait.rho0;
-      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : regular_mass();
+      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : config_.inertia_floor * regular_mass();
     }
-    else
-      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i];
+    else // the inverse of update_density_and_pressure, completed nodes included
+      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) * std::max(0.0, least_volume - nodes_.V[i]);
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
     nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
   }
-  if (config_.feedback_time > 0.0 && nodes_.M.front() > 0.0)
-    smooth_mass_defect();
-
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   terms_.body.clear();
   e_wet_ = 0;
   while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
     ++e_wet_; // elements are sorted by their smallest node
-  update_elements(0.0, 0, mesh_.n_elements());
+  // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry half a kick into it.
+  const std::vector<Vec<dim>> v = nodes_.v;
+  for (std::size_t i = 0; i < v.size(); ++i)
+    nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
+  update_elements(dt_before_, 0, mesh_.n_elements());
   update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  nodes_.v = v;
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
@@ -470,23 +483,24 @@ void Fluid<dim>::flag_nodes()
 }
 
 template <int dim>
-void Fluid<dim>::delete_isolated_nodes()
+void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
 {
   if (config_.remesh.delete_isolated_after == 0)
     return;
+  std::vector<char> used(nodes_.x.size(), 0);
+  for (const auto& e : elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
   std::vector<index_t> new_number(nodes_.x.size(), -1);
   index_t kept = 0;
   for (std::size_t n = 0; n < new_number.size(); ++n)
-  {
-    const bool deleted = mesh_.isolated(static_cast<index_t>(n)) && nodes_.alone[n] >= config_.remesh.delete_isolated_after;
-    if (!deleted)
+    if (used[n] || nodes_.alone[n] < config_.remesh.delete_isolated_after)
       new_number[n] = kept++;
     else
     {
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
-  }
   if (kept == nodes_.size())
     return;
   nodes_.for_each_field(
@@ -497,11 +511,42 @@ void Fluid<dim>::delete_isolated_nodes()
             field[static_cast<std::size_t>(new_number[n])] = field[n];
         field.resize(static_cast<std::size_t>(kept));
       });
-  auto elements = std::move(mesh_.elements);
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
-  mesh_ = connect<dim>(kept, std::move(elements));
+}
+
+/// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet fluid leaves no defect. Only
+/// volume that was created or dropped by decision is a defect M − m. Before the new m are known, M is taken down to the defect …
+template <int dim>
+void Fluid<dim>::release_mass(const ShapeChoice<dim>& choice)
+{
+  std::vector<char> used(nodes_.x.size(), 0);
+  for (const auto& e : choice.elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
+  for (std::size_t n = 0; n < used.size(); ++n)
+    if (used[n])
+      nodes_.M[n] -= nodes_.m[n] + nodes_.rho[n] * choice.gained[n];
+}
+
+/// … and afterwards built up from the new m. What the centroid rule has misjudged is settled on the free surface, so that ΣM is exact.
+template <int dim>
+void Fluid<dim>::settle_mass(double particle_mass)
+{
+  double surface_mass = 0.0;
+  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+  {
+    if (!(nodes_.flag[n] & isolated_node))
+      nodes_.M[n] += nodes_.m[n];
+    if (nodes_.flag[n] & on_free_surface)
+      surface_mass += nodes_.m[n];
+  }
+  smooth_mass_defect();
+  const double rest = particle_mass - mass();
+  for (std::size_t n = 0; n < nodes_.x.size() && surface_mass > 0.0; ++n)
+    if (nodes_.flag[n] & on_free_surface)
+      nodes_.M[n] += rest * nodes_.m[n] / surface_mass;
 }
 
 /// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
@@ -542,15 +587,19 @@ void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 /// Wet nodes first, then their neighbours, then the rest; inside each group along the box diagonal's sweep
 /// (by rows of one spacing).
 template <int dim>
-void Fluid<dim>::order_nodes()
+void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
+  std::vector<char> used(n_nodes, 0);
+  for (const auto& e : elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
   std::vector<int> group(n_nodes, 2);
   n_wet_ = n_layer_ = 0;
   for (std::size_t n = 0; n < n_nodes; ++n)
-    if ((nodes_.surface[n] & wet_mask_) && !mesh_.isolated(static_cast<index_t>(n)))
+    if ((nodes_.surface[n] & wet_mask_) && used[n])
       group[n] = 0;
-  for (const auto& e : mesh_.elements)
+  for (const auto& e : elements)
     if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
       for (const index_t n : e)
         group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], 1);
@@ -584,11 +633,9 @@ void Fluid<dim>::order_nodes()
     new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
 
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
-  std::vector<Simplex<dim>> elements = std::move(mesh_.elements);
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_of_old[static_cast<std::size_t>(n)];
-  mesh_ = connect<dim>(nodes_.size(), std::move(elements));
 }
 
 // ------------------------------------------------------------------------------------------------ what

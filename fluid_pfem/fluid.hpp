@@ -115,10 +115,12 @@ public:
 
 private:
   void triangulate();
-  void finish_mesh();
-  void order_nodes();
+  void finish_mesh(std::vector<Simplex<dim>> elements);
+  void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
-  void delete_isolated_nodes();
+  void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
+  void release_mass(const ShapeChoice<dim>& choice);
+  void settle_mass(double particle_mass);
   void smooth_mass_defect();
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
@@ -149,7 +151,7 @@ private:
   std::vector<float> quality_;       ///< of each element at the last remesh
   std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
   global_index_t next_id_ = 0;
-  double t_ = 0.0;
+  double t_ = 0.0, dt_before_ = 0.0;
   std::int64_t steps_ = 0, steps_since_remesh_ = 0;
   std::uint32_t surface_epoch_ = 0;
   RemeshLedger ledger_;

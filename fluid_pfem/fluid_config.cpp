@@ -120,7 +120,7 @@ void read_remeshing(const CaseTable& t, bool impact, RemeshConfig& remesh)
   remesh.shape.create = t.number({"alpha_create", "", "what was not fluid becomes fluid below this circumradius over the spacing"}, 0.8,
                                  between(0.0, 4.0));
   remesh.shape.gap = t.number({"contact_gap", "", "> 0: instead, a closing gap becomes fluid below this height over the spacing"},
-                              impact ? 0.2 : 0.0, between(0.0, 1.0));
+                              0.2, between(0.0, 1.0));
   remesh.shape.sliver_quality = t.number({"sliver_quality", "", "flat elements of boundary nodes are dropped below this shape"}, 0.15,
                                          between(0.0, 0.6));
   remesh.spacing.merge = t.number({"merge", "", "edges shorter than this over the spacing lose a node"}, impact ? 0.30 : 0.45,

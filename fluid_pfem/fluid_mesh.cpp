@@ -49,12 +49,54 @@ void chain(std::span<FanEntry<2>> fan)
       }
 }
 
+/// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where it begins; in space facets
+/// are matched by sorting.
 template <int dim>
-struct OrientedFacet
+std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
 {
-  Facet<dim> sorted;
-  Facet<dim> outward;
-};
+  std::vector<Facet<dim>> boundary;
+  const auto n_nodes = static_cast<index_t>(mesh.fan_begin.size()) - 1;
+  if constexpr (dim == 2)
+  {
+    for (index_t n = 0; n < n_nodes; ++n)
+    {
+      const auto fan = mesh.fan(n);
+      for (std::size_t k = 0; k < fan.size(); ++k)
+      {
+        const std::size_t before = k == 0 ? fan.size() - 1 : k - 1; // chained fans: the neighbour is mostly here
+        const bool has_neighbour =
+            fan[before].opposite[1] == fan[k].opposite[0] ||
+            std::any_of(fan.begin(), fan.end(), [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
+        if (!has_neighbour)
+          boundary.push_back({n, fan[k].opposite[0]});
+      }
+    }
+  }
+  else
+  {
+    struct OrientedFacet
+    {
+      Facet<dim> sorted, outward;
+    };
+    std::vector<OrientedFacet> facets;
+    facets.reserve(mesh.fans.size());
+    for (const auto& entry : mesh.fans)
+    {
+      // (opposite…) of a positive simplex turns so that its normal points away from the corner: outward.
+      facets.push_back({entry.opposite, entry.opposite});
+      std::sort(facets.back().sorted.begin(), facets.back().sorted.end());
+    }
+    std::sort(facets.begin(), facets.end(), [](const auto& f, const auto& g) { return f.sorted < g.sorted; });
+    for (std::size_t f = 0; f < facets.size(); ++f)
+    {
+      const bool shared_before = f > 0 && facets[f - 1].sorted == facets[f].sorted;
+      const bool shared_after = f + 1 < facets.size() && facets[f + 1].sorted == facets[f].sorted;
+      if (!shared_before && !shared_after)
+        boundary.push_back(facets[f].outward);
+    }
+  }
+  return boundary;
+}
 
 } // namespace
 
@@ -76,8 +118,6 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   mesh.fans.resize(mesh.elements.size() * (dim + 1));
   std::vector<index_t> next(mesh.fan_begin.begin(), mesh.fan_begin.end() - 1);
 
-  std::vector<OrientedFacet<dim>> facets;
-  facets.reserve(mesh.elements.size() * (dim + 1));
   for (index_t e = 0; e < mesh.n_elements(); ++e)
   {
     const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
@@ -87,26 +127,13 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
       FanEntry<dim> entry{.element = e, .opposite = {}};
       for (std::size_t k = 0; k < dim; ++k)
         entry.opposite[k] = nodes[static_cast<std::size_t>(order[k + 1])];
-      mesh.fans[static_cast<std::size_t>(
-          next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
-      // Seen from inside, (opposite…) of a positive simplex turns so that its normal points away from corner
-      // a: outward.
-      OrientedFacet<dim> facet{entry.opposite, entry.opposite};
-      std::sort(facet.sorted.begin(), facet.sorted.end());
-      facets.push_back(facet);
+      mesh.fans[static_cast<std::size_t>(next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
     }
   }
   if constexpr (dim == 2)
     for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
       chain({mesh.fans.data() + mesh.fan_begin[n], mesh.fans.data() + mesh.fan_begin[n + 1]});
-  std::sort(facets.begin(), facets.end(), [](const auto& a, const auto& b) { return a.sorted < b.sorted; });
-  for (std::size_t f = 0; f < facets.size(); ++f)
-  {
-    const bool shared_before = f > 0 && facets[f - 1].sorted == facets[f].sorted;
-    const bool shared_after = f + 1 < facets.size() && facets[f + 1].sorted == facets[f].sorted;
-    if (!shared_before && !shared_after)
-      mesh.boundary.push_back(facets[f].outward);
-  }
+  mesh.boundary = boundary_of(mesh);
   return mesh;
 }
 

@@ -44,6 +44,42 @@ Vec<dim> as_point(const std::vector<double>& point)
   return p;
 }
 
+template <int dim>
+Vec<dim> gravity_of(const Fluid<dim>& fluid)
+{
+  Vec<dim> g;
+  for (int i = 0; i < dim; ++i)
+    g[i] = fluid.config().gravity[static_cast<std::size_t>(i)];
+  return g;
+}
+
+/// Largest −g·x.
+template <int dim>
+double highest_potential(const Fluid<dim>& fluid)
+{
+  double highest = std::numeric_limits<double>::lowest();
+  for (const auto& x : fluid.nodes().x)
+    highest = std::max(highest, -dot(gravity_of(fluid), x));
+  return highest;
+}
+
+/// ‖p − p(rest)‖ / ‖p(rest)‖, nodes weighted with their volumes.
+template <int dim>
+double hydrostatic_error(const Fluid<dim>& fluid, double highest)
+{
+  const auto& nodes = fluid.nodes();
+  const Tait& tait = fluid.config().tait;
+  double error = 0.0, scale = 0.0;
+  for (std::size_t n = 0; n < nodes.x.size(); ++n)
+  {
+    const double depth = std::max(0.0, highest + dot(gravity_of(fluid), nodes.x[n]));
+    const double p = tait.pressure(tait.hydrostatic_density(depth));
+    error += nodes.V[n] * (nodes.p[n] - p) * (nodes.p[n] - p);
+    scale += nodes.V[n] * p * p;
+  }
+  return scale > 0.0 ? std::sqrt(error / scale) : 0.0;
+}
+
 /// Highest boundary facet above the point's horizontal position; in space the nearest boundary node within one spacing.
 template <int dim>
 double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
@@ -129,6 +165,12 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
   {
     definition = "largest x of the nodes that belong to elements";
     columns = {"x[m]"};
+  }
+  else if (probe.fields == std::vector<std::string>{"hydrostatic_error"})
+  {
+    definition = "relative L2 error of the nodal pressure against barotropic rest under the highest point at the start";
+    columns = {"error[]"};
+    result.highest = highest_potential(fluid);
   }
   else if (probe.fields == std::vector<std::string>{"elevation"})
   {
@@ -243,6 +285,8 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
         front = std::max(front, nodes.x[n][0]);
     return {front};
   }
+  if (probe.config.fields.front() == "hydrostatic_error")
+    return {hydrostatic_error(fluid, probe.highest)};
   if (probe.config.fields.front() == "elevation")
     return {elevation(fluid, probe.config.point)};
 

@@ -36,6 +36,7 @@ private:
     std::ptrdiff_t wall = -1;       ///< whose force is measured
     Vec<dim> last_impulse{};
     double last_t = 0.0;
+    double highest = 0.0; ///< −g·x of the free surface at the start [m²/s²]
     std::unique_ptr<History> history;
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;

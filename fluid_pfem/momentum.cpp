@@ -36,7 +36,9 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
     double V2_grad_N2 = 0.0;
     for (std::size_t a = 0; a <= dim; ++a)
       V2_grad_N2 += norm_squared(V_grad_N[a]);
-    const double proper = V > 0.0 ? 1.0 : 0.0; // an inverted sliver has no meaningful gradients
+    // A sliver that is inverted or as flat as round-off has no meaningful gradients.
+    const bool has_gradients = dim == 2 ? V > 1e-9 * V2_grad_N2 : V * V > 1e-18 * V2_grad_N2 * std::sqrt(V2_grad_N2);
+    const double proper = has_gradients ? 1.0 : 0.0;
     const double inverse_V = proper / (V + (1.0 - proper));
     const double height = proper * V / std::sqrt(V2_grad_N2);
     if constexpr (bulk || shear)
@@ -75,8 +77,9 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
         largest = std::max(largest, std::abs(dot(V_grad_N[a], z)));
         least_mass = std::min(least_mass, nodes.m[static_cast<std::size_t>(corner[a])]);
       }
-      if (dt * largest > 0.05 * least_mass)
-        z *= 0.05 * least_mass / (dt * largest);
+      const double allowed = 0.05 * std::max(least_mass, 0.0);
+      if (dt * largest > allowed)
+        z *= allowed / (dt * largest);
       terms.z[k] = z;
     }
   }

@@ -90,19 +90,18 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
 template <int dim>
 void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe)
 {
-  constexpr std::int64_t check_every = 4; // steps between two looks at the mesh and at the stable step
+  constexpr std::int64_t look_at_mesh_every = 4, look_at_step_every = 8; // steps
   const StepLadder ladder;
   double t = run.t_begin, dt = 0.0;
   std::int64_t frames = 1;
   observe(t, fluid, true);
   for (std::int64_t step = 0; t < run.t_end; ++step)
   {
-    if (step % check_every == 0)
-    {
-      if (step > 0 && fluid.is_distorted())
-        fluid.remesh();
+    const bool remesh = step > 0 && step % look_at_mesh_every == 0 && fluid.is_distorted();
+    if (remesh)
+      fluid.remesh();
+    if (remesh || step % look_at_step_every == 0)
       dt = ladder.next(dt, fluid.critical_time_step());
-    }
     const double rest = run.t_end - t;
     const double this_dt =
         rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left

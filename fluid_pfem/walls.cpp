@@ -146,8 +146,9 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, double margin)
 }
 
 template <int dim>
-double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a)
+double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
 {
+  const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
   double work = 0.0;
   // Candidates of one node are adjacent; three rounds settle a node between two or three pieces.
   for (std::size_t begin = 0; begin < candidates_.size();)
@@ -167,10 +168,12 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
         if (d >= 0.0 || !pieces_[k].covers(x_end) || before_[k].distance(x[n]) < -0.5 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
         const Vec<dim> dv = (-d / dt) * pieces_[k].n;
-        work += m[n] * dot(dv, v[n] + 0.5 * dv);
+        // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was corrected before. A node pressed against a
+        // wall at rest then gets no work, although the pressure has just kicked it.
+        work += 0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv);
         impulse_[static_cast<std::size_t>(pieces_[k].wall)] -= m[n] * dv;
         v[n] += dv;
-        a[n] += (1.0 / dt) * dv;
+        a[n] += (1.0 / dt_mean) * dv;
         corrected = true;
       }
       if (!corrected || end - begin == 1)

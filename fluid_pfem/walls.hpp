@@ -72,9 +72,10 @@ public:
   void find_candidates(std::span<const Vec<dim>> x, double margin);
   /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds the impulses [N s] to impulse().
   /// @param m mass of each node [kg]
-  /// @param a acceleration of the last instant; gets the wall's part Δv/Δt, so that it is what the node really does [m/s²]
+  /// @param a acceleration of the last instant; gets the wall's part, so that it is what the node really does [m/s²]
+  /// @param dt_before the step before this one [s]
   /// @returns work done on the fluid [J]
-  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a);
+  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a, double dt_before);
   /// Report the largest distance any node moved; find_candidates is due when this is true.
   bool candidates_expired(double moved)
   {

@@ -4,15 +4,29 @@
 #include "solid_fe/material.hpp"
 #include "solid_fe/reference_block.hpp"
 
+#include <vector>
+
 namespace undine::solid
 {
+
+/// What the points of a body remember, and the work space of its loops.
+template <int dim>
+struct BodyState
+{
+  std::vector<Lanes> history;        ///< packs × points × numbers of the law
+  std::vector<double> nodal_volume;  ///< nodal dilatation only: volume around each node [m^dim]
+  std::vector<double> nodal_field;   ///< nodal dilatation only: J̄ − 1, then the pressures, of each node
+  std::vector<Mat<dim>> element_tau; ///< nodal dilatation only: deviatoric Kirchhoff stress [Pa]
+};
 
 template <int dim>
 struct Body
 {
   AnyBlock<dim> block;
   Material material;
-  double density = 0.0; ///< reference density [kg/m³]
+  double density = 0.0;      ///< reference density [kg/m³]
+  bool plane_stress = false; ///< 2-D only
+  BodyState<dim> state{};
 };
 
 /// Call `visit(block, law)` with the concrete types: the one place where element and law are looked up,
@@ -22,5 +36,9 @@ decltype(auto) visit_body(const Body<dim>& body, Visitor&& visit)
 {
   return std::visit(std::forward<Visitor>(visit), body.block, body.material);
 }
+
+/// Room for the history of `body`, all points virgin.
+template <int dim>
+BodyState<dim> virgin_state(const Body<dim>& body, index_t n_nodes);
 
 } // namespace undine::solid

@@ -6,6 +6,7 @@
 #include "solid_fe/elements/reference_elements.hpp"
 
 #include <cmath>
+#include <numbers>
 
 namespace undine::solid
 {
@@ -50,20 +51,21 @@ std::array<bool, dim> components(const std::vector<std::string>& names, const st
 
 template <int dim>
 void prescribe(PrescribedMotion<dim>& motion, const std::array<bool, dim>& which, const Vec<dim>& v,
-               const std::string& key)
+               const std::string& key, int function = -1)
 {
   for (int i = 0; i < dim; ++i)
   {
     const auto c = static_cast<std::size_t>(i);
     if (!which[c])
       continue;
-    if (motion.fixed[c] && motion.v[i] != v[i])
+    if (motion.fixed[c] && (motion.v[i] != v[i] || motion.function[c] != function))
       throw InputError(key + ": component " + std::string(1, "xyz"[i]) +
                        " of a node on this set already has the velocity " + std::to_string(motion.v[i]) +
                        " m/s from another [[solid.fix]] or [[solid.velocity]]; " +
                        "leave that component out of one of them");
     motion.fixed[c] = true;
     motion.v[i] = v[i];
+    motion.function[c] = function;
   }
 }
 
@@ -113,19 +115,22 @@ std::map<index_t, PrescribedMotion<dim>> prescribed_motion(const Mesh<dim>& mesh
       which.fill(true);
     const auto v = to_vec<dim>(entry.value, key + ".value");
     for (const index_t n : find_nodes(mesh, entry.on, key + ".on"))
-      prescribe<dim>(motion[n], which, v, key);
+      prescribe<dim>(motion[n], which, v, key, entry.function.empty() ? -1 : static_cast<int>(k));
   }
   return motion;
 }
 
 template <int dim>
-std::vector<double> facet_weights(const Mesh<dim>& mesh, std::span<const index_t> facet)
+std::vector<double> facet_weights(const Mesh<dim>& mesh, std::span<const index_t> facet, bool ring)
 {
   const auto X = [&](std::size_t k) { return mesh.x[static_cast<std::size_t>(facet[k])]; };
   if constexpr (dim == 2)
   {
-    const double half = 0.5 * norm(X(1) - X(0));
-    return {half, half};
+    const double length = norm(X(1) - X(0));
+    if (!ring)
+      return {0.5 * length, 0.5 * length};
+    const double around = 2.0 * std::numbers::pi * length; // R varies linearly
+    return {around * (X(0)[0] / 3.0 + X(1)[0] / 6.0), around * (X(0)[0] / 6.0 + X(1)[0] / 3.0)};
   }
   else if (facet.size() == 3)
   {
@@ -153,6 +158,28 @@ std::vector<double> facet_weights(const Mesh<dim>& mesh, std::span<const index_t
   }
 }
 
+namespace
+{
+
+/// ∫ N_a dA of all nodes of a surface.
+template <int dim>
+std::map<index_t, double> nodal_areas(const Mesh<dim>& mesh, const Surface& surface, bool ring)
+{
+  std::map<index_t, double> area;
+  for (index_t f = 0; f < surface.size(); ++f)
+  {
+    const auto begin = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f)]);
+    const auto end = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f) + 1]);
+    const std::span<const index_t> facet(surface.nodes.data() + begin, end - begin);
+    const auto weights = facet_weights(mesh, facet, ring);
+    for (std::size_t a = 0; a < facet.size(); ++a)
+      area[facet[a]] += weights[a];
+  }
+  return area;
+}
+
+} // namespace
+
 template <int dim>
 std::vector<NodalLoad<dim>> nodal_loads(const Mesh<dim>& mesh, const SolidConfig& config)
 {
@@ -161,38 +188,104 @@ std::vector<NodalLoad<dim>> nodal_loads(const Mesh<dim>& mesh, const SolidConfig
   {
     const std::string key = "solid.traction[" + std::to_string(k) + "]";
     const auto& entry = config.traction[k];
-    const auto traction = to_vec<dim>(entry.value, key + ".value");
     const auto& surface = find_surface(mesh, entry.on, key + ".on");
-    std::map<index_t, double> area;
-    for (index_t f = 0; f < surface.size(); ++f)
-    {
-      const auto begin = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f)]);
-      const auto end = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f) + 1]);
-      const std::span<const index_t> facet(surface.nodes.data() + begin, end - begin);
-      const auto weights = facet_weights(mesh, facet);
-      for (std::size_t a = 0; a < facet.size(); ++a)
-        area[facet[a]] += weights[a];
-    }
+    if (!entry.function.empty())
+      continue;
+    const auto traction = to_vec<dim>(entry.value, key + ".value");
     NodalLoad<dim> load;
     load.ramp = entry.ramp;
-    for (const auto& [node, node_area] : area)
+    for (const auto& [node, area] : nodal_areas(mesh, surface, config.plane == PlaneKind::axisymmetric))
     {
       load.nodes.push_back(node);
-      load.force.push_back(node_area * traction);
+      load.force.push_back(area * traction);
     }
     loads.push_back(std::move(load));
   }
   return loads;
 }
 
+template <int dim>
+std::vector<FormulaLoad<dim>> formula_loads(const Mesh<dim>& mesh, const SolidConfig& config)
+{
+  std::vector<FormulaLoad<dim>> loads;
+  const bool ring = config.plane == PlaneKind::axisymmetric;
+  for (std::size_t k = 0; k < config.traction.size(); ++k)
+  {
+    const std::string key = "solid.traction[" + std::to_string(k) + "]";
+    const auto& entry = config.traction[k];
+    if (entry.function.empty())
+      continue;
+    auto& load = loads.emplace_back();
+    load.function = FieldFunction(entry.function, key + ".function");
+    load.ring = ring;
+    for (const auto& [node, area] : nodal_areas(mesh, find_surface(mesh, entry.on, key + ".on"), ring))
+    {
+      load.nodes.push_back(node);
+      load.area.push_back(area);
+    }
+  }
+  for (std::size_t k = 0; k < config.pressure.size(); ++k)
+  {
+    const std::string key = "solid.pressure[" + std::to_string(k) + "]";
+    auto& load = loads.emplace_back();
+    load.function = FieldFunction({config.pressure[k].function}, key + ".function");
+    load.follows = true;
+    load.ring = ring;
+    load.surface = find_surface(mesh, config.pressure[k].on, key + ".on");
+  }
+  return loads;
+}
+
+template <int dim>
+void FormulaLoad<dim>::add(double t, std::span<const Vec<dim>> X, std::span<const Vec<dim>> u,
+                           std::span<Vec<dim>> F) const
+{
+  for (std::size_t k = 0; k < nodes.size(); ++k)
+  {
+    const auto n = static_cast<std::size_t>(nodes[k]);
+    F[n] += area[k] * function.vector(X[n], t);
+  }
+  if (!follows)
+    return;
+  for (index_t f = 0; f < surface.size(); ++f)
+  {
+    const auto begin = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f)]);
+    const auto end = static_cast<std::size_t>(surface.offset[static_cast<std::size_t>(f) + 1]);
+    const auto node = [&](std::size_t a) { return static_cast<std::size_t>(surface.nodes[begin + a]); };
+    const auto x = [&](std::size_t a) { return X[node(a)] + u[node(a)]; };
+    const std::size_t n = end - begin;
+    Vec<dim> middle, normal; // outward, of the size of the area
+    for (std::size_t a = 0; a < n; ++a)
+      middle += (1.0 / static_cast<double>(n)) * X[node(a)];
+    if constexpr (dim == 2)
+      normal = right_normal(x(1) - x(0));
+    else if (n == 3)
+      normal = 0.5 * cross(x(1) - x(0), x(2) - x(0));
+    else
+      normal = 0.5 * cross(x(2) - x(0), x(3) - x(1));
+    const double p = function(0, middle, t);
+    for (std::size_t a = 0; a < n; ++a)
+    {
+      double share = 1.0 / static_cast<double>(n);
+      if (ring) // 2π ∫ N_a r ds / length
+        share = 2.0 * std::numbers::pi * (x(a)[0] / 3.0 + x(1 - a)[0] / 6.0);
+      F[node(a)] -= (p * share) * normal;
+    }
+  }
+}
+
+template struct FormulaLoad<2>;
+template struct FormulaLoad<3>;
+template std::vector<FormulaLoad<2>> formula_loads(const Mesh<2>&, const SolidConfig&);
+template std::vector<FormulaLoad<3>> formula_loads(const Mesh<3>&, const SolidConfig&);
 template const Surface& find_surface(const Mesh<2>&, const std::string&, const std::string&);
 template const Surface& find_surface(const Mesh<3>&, const std::string&, const std::string&);
 template std::vector<index_t> find_nodes(const Mesh<2>&, const std::string&, const std::string&);
 template std::vector<index_t> find_nodes(const Mesh<3>&, const std::string&, const std::string&);
 template std::map<index_t, PrescribedMotion<2>> prescribed_motion(const Mesh<2>&, const SolidConfig&);
 template std::map<index_t, PrescribedMotion<3>> prescribed_motion(const Mesh<3>&, const SolidConfig&);
-template std::vector<double> facet_weights(const Mesh<2>&, std::span<const index_t>);
-template std::vector<double> facet_weights(const Mesh<3>&, std::span<const index_t>);
+template std::vector<double> facet_weights(const Mesh<2>&, std::span<const index_t>, bool);
+template std::vector<double> facet_weights(const Mesh<3>&, std::span<const index_t>, bool);
 template std::vector<NodalLoad<2>> nodal_loads(const Mesh<2>&, const SolidConfig&);
 template std::vector<NodalLoad<3>> nodal_loads(const Mesh<3>&, const SolidConfig&);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/mesh/mesh.hpp"
+#include "solid_fe/field_function.hpp"
 #include "solid_fe/solid_config.hpp"
 
 #include <array>
@@ -28,6 +29,15 @@ struct PrescribedMotion
 {
   std::array<bool, dim> fixed{}; ///< components with prescribed velocity
   Vec<dim> v{};                  ///< their constant velocity [m/s], 0 elsewhere
+  std::array<int, dim> function =
+      filled(-1); ///< number of the [[solid.velocity]] whose formula drives it, −1 none
+
+  static constexpr std::array<int, dim> filled(int value)
+  {
+    std::array<int, dim> all{};
+    all.fill(value);
+    return all;
+  }
 };
 
 /// All prescribed motions by node.
@@ -51,8 +61,27 @@ struct NodalLoad
 template <int dim>
 std::vector<NodalLoad<dim>> nodal_loads(const Mesh<dim>& mesh, const SolidConfig& config);
 
-/// ∫ N_a dA of a facet with 2 (dim 2), 3 or 4 nodes (dim 3): one number per facet node [m^(dim-1)].
+/// Load that follows a formula: a traction per reference area, or a pressure on the deformed surface.
 template <int dim>
-std::vector<double> facet_weights(const Mesh<dim>& mesh, std::span<const index_t> facet);
+struct FormulaLoad
+{
+  FieldFunction function; ///< dim formulas of a traction, one of a pressure
+  bool follows = false;   ///< a pressure
+  bool ring = false;      ///< of an axisymmetric solid
+  Surface surface;
+  std::vector<index_t> nodes; ///< of a traction
+  std::vector<double> area;   ///< ∫ N_a dA of those nodes [m^(dim-1)]
+
+  /// F ← F + the load at time t [N].
+  void add(double t, std::span<const Vec<dim>> X, std::span<const Vec<dim>> u, std::span<Vec<dim>> F) const;
+};
+
+template <int dim>
+std::vector<FormulaLoad<dim>> formula_loads(const Mesh<dim>& mesh, const SolidConfig& config);
+
+/// ∫ N_a dA of a facet with 2 (dim 2), 3 or 4 nodes (dim 3): one number per facet node [m^(dim-1)]; over the
+/// whole circumference if `ring` [m²].
+template <int dim>
+std::vector<double> facet_weights(const Mesh<dim>& mesh, std::span<const index_t> facet, bool ring = false);
 
 } // namespace undine::solid

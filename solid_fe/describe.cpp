@@ -16,7 +16,11 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
       std::visit([](const auto& law) { return law.wave_modulus(Mat<dim>{}); }, make_material(material));
   const double dt = solid.critical_time_step();
   std::string text =
-      fmt::format("solid in {}-D{}\n", dim, dim == 2 ? ", plane strain, per metre of thickness" : "");
+      fmt::format("solid in {}-D{}\n", dim,
+                  dim == 3                                  ? ""
+                  : config.plane == PlaneKind::axisymmetric ? ", axisymmetric about x = 0, the whole ring"
+                  : config.plane == PlaneKind::stress       ? ", plane stress, per metre of thickness"
+                                                            : ", plane strain, per metre of thickness");
   text += fmt::format("  material   {}: density {} kg/m3, E {} Pa, nu {}; fastest wave {:.6g} m/s\n",
                       material.law, material.density, material.youngs_modulus, material.poisson_ratio,
                       std::sqrt(modulus / material.density));
@@ -24,9 +28,9 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
     std::visit(
         [&]<class Element>(const ReferenceBlock<Element>& block)
         {
-          text += fmt::format("  elements   {} {}{}, {} of them touch wet nodes\n", block.size(),
-                              element_name(Element::type),
-                              block.body.empty() ? "" : " of \"" + block.body + "\"", block.n_interface);
+          text +=
+              fmt::format("  elements   {} {}{}, {} of them touch wet nodes\n", block.size(), Element::name,
+                          block.body.empty() ? "" : " of \"" + block.body + "\"", block.n_interface);
         },
         body.block);
   text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());

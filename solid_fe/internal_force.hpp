@@ -1,5 +1,4 @@
-// Internal nodal forces F_int,a = Σ_e Σ_q w P(F) ∇N_a of element blocks, and the strain energy of the same
-// sums.
+// Internal nodal forces F_int,a = Σ_e Σ_q w P(F) ∇N_a of element blocks, and the energy of the same sums.
 #pragma once
 
 #include "common/tensor.hpp"
@@ -7,26 +6,41 @@
 #include "solid_fe/body.hpp"
 
 #include <span>
+#include <vector>
 
 namespace undine::solid
 {
 
-/// Which elements of a body: those that touch wet nodes, the others, or both.
+/// Which elements of a body: those that touch wet nodes, or the others.
 enum class Part
 {
   interface,
   interior
 };
 
-/// Add the internal forces [N] of `part` at displacement `u` to `F_int`, element by element in fixed order.
+/// Energies of a body [J], per metre of thickness in 2-D.
+struct StoredEnergy
+{
+  double strain = 0.0;    ///< Σ_e Σ_q w W
+  double hourglass = 0.0; ///< of the hourglass stiffness
+  double plastic = 0.0;   ///< plastic work so far
+};
+
+/// Add the internal forces [N] of `part` at displacement `u` to `F_int`, element by element in fixed order;
+/// `state` (the body's own, or a copy for a trial) moves on by a step of `dt`.
 /// @return an element (position in the block) whose det F is not positive, −1 if there is none; NaN counts as
 /// not positive
 template <int dim>
-index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec<dim>> u,
-                           std::span<Vec<dim>> F_int);
+index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec<dim>> u, double dt,
+                           BodyState<dim>& state, std::span<Vec<dim>> F_int);
 
-/// Σ_e Σ_q w W(F) [J], per metre of thickness in 2-D.
 template <int dim>
-double strain_energy(const Body<dim>& body, std::span<const Vec<dim>> u);
+StoredEnergy stored_energy(const Body<dim>& body, std::span<const Vec<dim>> u);
+
+/// Append the mean Cauchy stress of each element [Pa] and its mean equivalent plastic strain (0 for elastic
+/// laws).
+template <int dim>
+void append_stress(const Body<dim>& body, std::span<const Vec<dim>> u, std::vector<Mat<3>>& sigma,
+                   std::vector<double>& plastic_strain);
 
 } // namespace undine::solid

@@ -23,14 +23,19 @@ void append_names(std::vector<std::string>& names)
 }
 
 template <std::size_t k = 0>
-Material make_named(std::string_view name, const ElasticConstants& elastic)
+Material make_named(std::string_view name, const MaterialConfig& config)
 {
   if constexpr (k < std::variant_size_v<Material>)
   {
     using Law = std::variant_alternative_t<k, Material>;
     if (name == Law::name)
-      return Law{elastic};
-    return make_named<k + 1>(name, elastic);
+    {
+      if constexpr (requires { Law::from(config); })
+        return Law::from(config);
+      else
+        return Law{elastic_constants(config.youngs_modulus, config.poisson_ratio)};
+    }
+    return make_named<k + 1>(name, config);
   }
   else
     throw InputError("solid.law = \"" + std::string(name) + "\": no such law");
@@ -45,9 +50,6 @@ std::vector<std::string> law_names()
   return names;
 }
 
-Material make_material(const MaterialConfig& config)
-{
-  return make_named(config.law, elastic_constants(config.youngs_modulus, config.poisson_ratio));
-}
+Material make_material(const MaterialConfig& config) { return make_named(config.law, config); }
 
 } // namespace undine::solid

@@ -2,7 +2,12 @@
 #pragma once
 
 #include "solid_fe/deformation.hpp"
+#include "solid_fe/material_config.hpp"
+#include "solid_fe/materials/hencky.hpp"
+#include "solid_fe/materials/j2.hpp"
+#include "solid_fe/materials/johnson_cook.hpp"
 #include "solid_fe/materials/linear.hpp"
+#include "solid_fe/materials/mooney_rivlin.hpp"
 #include "solid_fe/materials/neo_hookean_j.hpp"
 #include "solid_fe/materials/neo_hookean_ln.hpp"
 #include "solid_fe/materials/svk.hpp"
@@ -16,19 +21,12 @@
 namespace undine::solid
 {
 
-/// What the case says about the material.
-struct MaterialConfig
-{
-  double density = 0.0;        ///< in the reference state [kg/m³]
-  double youngs_modulus = 0.0; ///< [Pa]
-  double poisson_ratio = 0.0;  ///< in (−1, ½)
-  std::string law = NeoHookeanLn::name;
-};
-
 /// One law, chosen at set-up and visited once per element block. A law is a struct of constants with pure
 /// functions of the displacement gradient H: strain_energy, first_piola, tangent_bound, wave_modulus (see any
-/// file in materials/).
-using Material = std::variant<Linear, StVenantKirchhoff, NeoHookeanLn, NeoHookeanJ>;
+/// file in materials/). A new law is a file materials/<law>.hpp, its name here, and a unit
+/// materials/<law>.cpp of four lines.
+using Material =
+    std::variant<Linear, StVenantKirchhoff, NeoHookeanLn, NeoHookeanJ, Hencky, MooneyRivlin, J2, JohnsonCook>;
 
 /// Names of the laws, as the case spells them.
 std::vector<std::string> law_names();

@@ -17,6 +17,56 @@ std::vector<std::string> component_names(int dim)
   return names;
 }
 
+void read_plasticity(const CaseTable& solid, MaterialConfig& material)
+{
+  const Key yield{"yield_stress", "Pa", "first yield in uniaxial stress, laws j2 and johnson_cook"};
+  if (material.law == J2::name)
+  {
+    material.hardening_table = solid.numbers({"hardening_table", "-, Pa",
+                                              "equivalent plastic strain (ascending from 0) and yield stress "
+                                              "alternately; instead of yield_stress and hardening_modulus"},
+                                             0, {}, non_negative());
+    const auto& table = material.hardening_table;
+    if (table.empty())
+    {
+      material.yield_stress = solid.number(yield, positive());
+      material.hardening_modulus =
+          solid.number({"hardening_modulus", "Pa", "slope of the yield stress over plastic strain, j2"}, 0.0,
+                       non_negative());
+      return;
+    }
+    bool ascends = table.size() % 2 == 0 && table.size() >= 4 && table[0] == 0.0 && table[1] > 0.0;
+    for (std::size_t k = 2; ascends && k < table.size(); k += 2)
+      ascends = table[k] > table[k - 2];
+    if (!ascends)
+      solid.fail("hardening_table",
+                 "must be pairs of strain and stress, at least two, the strains ascending from 0 "
+                 "and the first stress positive");
+  }
+  else if (material.law == JohnsonCook::name)
+  {
+    material.yield_stress = solid.number(yield, positive());
+    material.hardening_coefficient =
+        solid.number({"hardening_coefficient", "Pa", "B of Johnson and Cook"}, 0.0, non_negative());
+    material.hardening_exponent =
+        solid.number({"hardening_exponent", "", "n of Johnson and Cook"}, 1.0, between(0.01, 5.0));
+    material.rate_coefficient =
+        solid.number({"rate_coefficient", "", "C of Johnson and Cook"}, 0.0, non_negative());
+    material.reference_rate =
+        solid.number({"reference_rate", "1/s", "plastic strain rate below which the rate has no influence"},
+                     1.0, positive());
+    material.thermal_exponent =
+        solid.number({"thermal_exponent", "", "m of Johnson and Cook"}, 1.0, between(0.01, 10.0));
+    material.melting_rise =
+        solid.number({"melting_rise", "K", "melting temperature above that at the start; 0: no softening"},
+                     0.0, non_negative());
+    material.heat_capacity = solid.number(
+        {"heat_capacity", "J/(kg K)", "per mass; 0: no heating by plastic work"}, 0.0, non_negative());
+    material.heat_fraction =
+        solid.number({"heat_fraction", "", "share of the plastic work that heats"}, 0.9, between(0.0, 1.0));
+  }
+}
+
 MaterialConfig read_material(const CaseTable& solid)
 {
   MaterialConfig material;
@@ -27,6 +77,16 @@ MaterialConfig read_material(const CaseTable& solid)
       solid.number({"poisson_ratio", "", "Poisson's ratio at small strain"}, strictly_between(-1.0, 0.5));
   material.law = solid.choice({"law", "", "constitutive law; \"linear\" is for small displacements only"},
                               NeoHookeanLn::name, law_names());
+  if (material.law == MooneyRivlin::name)
+    material.mooney_share =
+        solid.number({"mooney_share", "", "share c01/(c10 + c01) of the second invariant, mooney_rivlin"},
+                     0.25, between(0.0, 1.0));
+  read_plasticity(solid, material);
+  material.mass_damping =
+      solid.number({"mass_damping", "1/s", "alpha of the damping force alpha m v"}, 0.0, non_negative());
+  material.stiffness_damping =
+      solid.number({"stiffness_damping", "s", "beta of the viscous stress beta C:dE/dt; it costs step size"},
+                   0.0, non_negative());
   return material;
 }
 
@@ -80,6 +140,45 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   return geometry;
 }
 
+void read_formulation(const CaseTable& solid, int dim, SolidConfig& config)
+{
+  const auto formulation =
+      solid.choice({"formulation", "",
+                    "full integration; one point with hourglass control (quadrilaterals, hexahedra); or "
+                    "locking_free: mean "
+                    "dilatation of the element (quadrilaterals, hexahedra) or of the nodes (simplices)"},
+                   "full", {"full", "one_point", "locking_free"});
+  config.formulation = formulation == "full"        ? Formulation::full
+                       : formulation == "one_point" ? Formulation::one_point
+                                                    : Formulation::locking_free;
+  if (config.formulation == Formulation::one_point)
+  {
+    config.hourglass_stiffness = solid.number(
+        {"hourglass_stiffness", "", "stiffness of the hourglass modes relative to E V sum |grad N|^2"},
+        config.hourglass_stiffness, between(0.0, 1.0));
+    config.hourglass_viscosity = solid.number(
+        {"hourglass_viscosity", "", "viscosity of the hourglass modes relative to sqrt(stiffness x mass)"},
+        0.0, between(0.0, 1.0));
+  }
+  if (dim == 2)
+  {
+    const auto plane = solid.choice(
+        {"plane", "", "what the plane stands for; axisymmetric: x is the radius, the whole ring counts"},
+        "strain", {"strain", "stress", "axisymmetric"});
+    config.plane = plane == "strain"   ? PlaneKind::strain
+                   : plane == "stress" ? PlaneKind::stress
+                                       : PlaneKind::axisymmetric;
+  }
+}
+
+/// One formula per component, or none.
+void check_formulas(const CaseTable& table, const std::vector<std::string>& formulas, std::size_t n,
+                    const char* key = "function")
+{
+  if (!formulas.empty() && formulas.size() != n)
+    table.fail(key, "must have one formula per component");
+}
+
 void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& config)
 {
   const auto n = static_cast<std::size_t>(dim);
@@ -95,7 +194,11 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
   {
     VelocityConfig velocity;
     velocity.on = table.text({"on", "", "name of the surface or node set"});
-    velocity.value = table.numbers({"value", "m/s", "velocity"}, n, any_number());
+    velocity.function =
+        table.texts({"function", "m/s", "formulas of x, y, z, t, one per component, instead of value"}, {});
+    check_formulas(table, velocity.function, n);
+    if (velocity.function.empty())
+      velocity.value = table.numbers({"value", "m/s", "velocity"}, n, any_number());
     velocity.components = table.texts({"components", "", "prescribed components"}, component_names(dim));
     config.velocity.push_back(std::move(velocity));
   }
@@ -103,12 +206,64 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
   {
     TractionConfig traction;
     traction.on = table.text({"on", "", "name of the surface"});
+    traction.function =
+        table.texts({"function", "Pa",
+                     "formulas of x, y, z (undeformed) and t, one per component, instead of value and ramp"},
+                    {});
+    check_formulas(table, traction.function, n);
+    if (!traction.function.empty())
+    {
+      config.traction.push_back(std::move(traction));
+      continue;
+    }
     traction.value = table.numbers({"value", "Pa", "traction"}, n, any_number());
     traction.ramp =
         table.number({"ramp", "s", "time over which it grows linearly from 0; 0: full from the start"}, 0.0,
                      non_negative());
     config.traction.push_back(std::move(traction));
   }
+  for (const auto& table : solid.tables("pressure", "pressure on the deformed surface"))
+  {
+    PressureConfig pressure;
+    pressure.on = table.text({"on", "", "name of the surface"});
+    pressure.function = table.text({"function", "Pa", "formula of x, y, z (undeformed) and t"});
+    config.pressure.push_back(std::move(pressure));
+  }
+  config.body_force_function = solid.texts(
+      {"body_force_function", "m/s2", "formulas of x, y, z, t added to gravity, one per component"}, {});
+  check_formulas(solid, config.body_force_function, n, "body_force_function");
+  config.initial_velocity_function =
+      solid.texts({"initial_velocity_function", "m/s",
+                   "formulas of x, y, z instead of initial_velocity, one per component"},
+                  {});
+  check_formulas(solid, config.initial_velocity_function, n, "initial_velocity_function");
+}
+
+void read_contact(const CaseTable& solid, int dim, SolidConfig& config)
+{
+  const auto n = static_cast<std::size_t>(dim);
+  const Key friction{"friction", "", "Coulomb's coefficient"};
+  for (const auto& table : solid.tables("wall", "a rigid plane that nodes cannot pass"))
+  {
+    WallConfig wall;
+    wall.point = table.numbers({"point", "m", "a point of the plane"}, n, any_number());
+    wall.normal = table.numbers({"normal", "", "direction to the side where the solid is"}, n, any_number());
+    wall.friction = table.number(friction, 0.0, non_negative());
+    wall.on = table.text({"on", "", "surface or node set that may touch it; empty: the whole boundary"}, "");
+    config.wall.push_back(std::move(wall));
+  }
+  for (const auto& table : solid.tables("contact", "nodes that cannot pass a surface of the solid"))
+  {
+    ContactConfig contact;
+    contact.nodes = table.text({"nodes", "", "surface or node set"});
+    contact.surface = table.text({"surface", "", "surface they cannot pass; the same name: self-contact"});
+    contact.friction = table.number(friction, 0.0, non_negative());
+    config.contact.push_back(std::move(contact));
+  }
+  if (!config.wall.empty() || !config.contact.empty())
+    config.contact_stiffness = solid.number(
+        {"contact_stiffness", "", "penalty stiffness relative to omega^2 m, omega the highest frequency"},
+        config.contact_stiffness, between(1e-6, 1.0));
 }
 
 } // namespace
@@ -127,6 +282,7 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
               {});
   config.material = read_material(solid);
   config.geometry = read_geometry(file, solid, dim, element_size);
+  read_formulation(solid, dim, config);
   config.gravity =
       solid.numbers({"gravity", "m/s2", "body force per mass"}, n, std::vector<double>(n, 0.0), any_number());
   config.initial_velocity =
@@ -135,6 +291,7 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   config.step_safety =
       solid.number({"step_safety", "", "fraction of the stable step that is used"}, 0.9, between(0.01, 1.0));
   read_supports_and_loads(solid, dim, config);
+  read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)
     config.wet.push_back({interface.name, interface.solid});
   return config;

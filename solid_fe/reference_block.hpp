@@ -1,7 +1,8 @@
-// Elements of one type in the reference configuration: gradients, weights and bounds that never change,
-// stored flat.
+// Elements of one type in the reference configuration: gradients, weights and bounds that never change, in
+// packs of as many elements as a processor works on at once.
 #pragma once
 
+#include "common/lanes.hpp"
 #include "common/mesh/mesh.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
@@ -17,43 +18,152 @@
 namespace undine::solid
 {
 
-/// Everything the element loops need, element after element. Total-Lagrangian: computed once.
+/// Geometry of one element, or of Lanes::size elements side by side.
+template <class Element, class Real>
+struct ElementGeometry
+{
+  static constexpr int dim = Element::dim;
+  static constexpr std::size_t points = Element::points, nodes = Element::nodes,
+                               ring_points = Element::axisymmetric ? Element::points : 0,
+                               modes = Element::hourglass_modes;
+
+  std::array<std::array<Vec<dim, Real>, nodes>, points> grad_N; ///< ∂N_a/∂X at the points [1/m]
+  std::array<Real, points> weight; ///< det(∂X/∂ξ) × quadrature weight (× 2πR) [m^dim, ring m³]
+  std::array<std::array<Real, nodes>, ring_points> N_over_R; ///< N_a / R [1/m]
+  /// c_k = Σ_a h_ka X_a [m]: γ_k = (h_k − Σ_j c_kj ∂_j N) / nodes is orthogonal to all linear fields.
+  std::array<Vec<dim, Real>, modes> hourglass;
+  std::array<Real, modes == 0 ? 0 : 1> hourglass_stiffness; ///< energy ½ K |γ_k·u|² of each mode [N/m]
+};
+
+/// Everything the element loops need. Total-Lagrangian: computed once. Elements are kept in packs: first
+/// those that touch wet nodes, then the others, so that each part is made of whole packs (the last one filled
+/// up with copies of its last element, which count for nothing).
 template <class ElementShape>
 struct ReferenceBlock
 {
   using Element = ElementShape;
   static constexpr int dim = Element::dim;
-  static constexpr int gradients_per_element = Element::points * Element::nodes;
 
   std::vector<std::array<index_t, Element::nodes>> nodes; ///< node numbers, size n
-  std::vector<index_t> number;  ///< element number in the mesh file's order, for messages and output, size n
-  std::vector<Vec<dim>> grad_N; ///< ∂N_a/∂X at the points, n × points × nodes [1/m]
-  std::vector<double> weight;   ///< det(∂X/∂ξ) × quadrature weight, n × points [m^dim]
-  std::vector<double> gamma;    ///< see frequency_bounds.hpp, size n once computed
-  std::vector<double> delta;    ///< the same for a divergence
-  index_t n_interface = 0;      ///< the first n_interface elements touch wet nodes
-  std::string body;             ///< physical group, "" if none
+  std::vector<index_t> number; ///< element number in the mesh file's order, for messages and output, size n
+  std::vector<ElementGeometry<Element, Lanes>> pack;
+  std::vector<double> gamma;                  ///< see frequency_bounds.hpp, size n once computed
+  std::vector<double> delta;                  ///< the same for a divergence
+  std::vector<double> hourglass_inverse_mass; ///< one-point elements: max_k Σ_a γ_ka²/M_ea [1/kg]
+  index_t n_interface = 0;                    ///< the first n_interface elements touch wet nodes
+  std::string body;                           ///< physical group, "" if none
 
   index_t size() const { return static_cast<index_t>(nodes.size()); }
   double volume() const; ///< [m^dim]
+
+  index_t n_interface_packs() const { return (n_interface + Lanes::size - 1) / Lanes::size; }
+  /// Pack of element `e`, and its lane there.
+  std::pair<index_t, int> place(index_t e) const
+  {
+    if (e < n_interface)
+      return {e / Lanes::size, e % Lanes::size};
+    const index_t k = e - n_interface;
+    return {n_interface_packs() + k / Lanes::size, k % Lanes::size};
+  }
+  /// First element of pack `p`, and how many it holds.
+  std::pair<index_t, int> elements_of(index_t p) const
+  {
+    const bool interface = p < n_interface_packs();
+    const index_t first = interface ? p * Lanes::size : n_interface + (p - n_interface_packs()) * Lanes::size;
+    const index_t end = interface ? n_interface : size();
+    return {first, static_cast<int>(end - first < Lanes::size ? end - first : Lanes::size)};
+  }
+  ElementGeometry<Element, double> geometry(index_t e) const; ///< of one element
 };
 
 template <int dim>
-using AnyBlock =
-    std::conditional_t<dim == 2, std::variant<ReferenceBlock<Triangle3>, ReferenceBlock<Quadrilateral4>>,
-                       std::variant<ReferenceBlock<Tetrahedron4>, ReferenceBlock<Hexahedron8>>>;
+using AnyBlock = std::conditional_t<
+    dim == 2,
+    std::variant<ReferenceBlock<Triangle3>, ReferenceBlock<Quadrilateral4>, ReferenceBlock<Triangle3Nodal>,
+                 ReferenceBlock<Quadrilateral4OnePoint>, ReferenceBlock<Quadrilateral4Mean>,
+                 ReferenceBlock<Ring<Triangle3>>, ReferenceBlock<Ring<Quadrilateral4OnePoint>>,
+                 ReferenceBlock<Ring<Quadrilateral4Mean>>>,
+    std::variant<ReferenceBlock<Tetrahedron4>, ReferenceBlock<Hexahedron8>, ReferenceBlock<Tetrahedron4Nodal>,
+                 ReferenceBlock<Hexahedron8OnePoint>, ReferenceBlock<Hexahedron8Mean>>>;
 
-/// Displacement gradient H = Σ_a u_a ⊗ ∇N_a at one point; grad_N points at the gradients of that point.
+/// Displacement gradient H = Σ_a u_a ⊗ ∇N_a at point q; in axial symmetry H₃₃ = u_r/R.
 template <class Element, class Real>
-Mat<Element::dim, Real> displacement_gradient(const std::array<Vec<Element::dim, Real>, Element::nodes>& u,
-                                              const Vec<Element::dim>* grad_N)
+Mat<strain_dim<Element>, Real>
+displacement_gradient(const ElementGeometry<Element, Real>& geometry, int q,
+                      const std::array<Vec<Element::dim, Real>, Element::nodes>& u)
 {
-  Mat<Element::dim, Real> H;
-  for (int a = 0; a < Element::nodes; ++a)
+  const auto& grad_N = geometry.grad_N[static_cast<std::size_t>(q)];
+  Mat<strain_dim<Element>, Real> H;
+  for (std::size_t a = 0; a < Element::nodes; ++a)
     for (int i = 0; i < Element::dim; ++i)
       for (int j = 0; j < Element::dim; ++j)
-        H(i, j) += u[static_cast<std::size_t>(a)][i] * Real(grad_N[a][j]);
+        H(i, j) += u[a][i] * grad_N[a][j];
+  if constexpr (Element::axisymmetric)
+    for (std::size_t a = 0; a < Element::nodes; ++a)
+      H(2, 2) += u[a][0] * geometry.N_over_R[static_cast<std::size_t>(q)][a];
   return H;
+}
+
+/// f_a ← f_a + P ∇N_a, and in axial symmetry the hoop stress P₃₃ N_a/R on the radial component: the transpose
+/// of displacement_gradient.
+template <class Element, class Real>
+void add_stress_divergence(const ElementGeometry<Element, Real>& geometry, int q,
+                           const Mat<strain_dim<Element>, Real>& P,
+                           std::array<Vec<Element::dim, Real>, Element::nodes>& f)
+{
+  const auto& grad_N = geometry.grad_N[static_cast<std::size_t>(q)];
+  for (std::size_t a = 0; a < Element::nodes; ++a)
+    for (int i = 0; i < Element::dim; ++i)
+      for (int j = 0; j < Element::dim; ++j)
+        f[a][i] += P(i, j) * grad_N[a][j];
+  if constexpr (Element::axisymmetric)
+    for (std::size_t a = 0; a < Element::nodes; ++a)
+      f[a][0] += P(2, 2) * geometry.N_over_R[static_cast<std::size_t>(q)][a];
+}
+
+/// Hourglass amplitudes q_k = γ_k · u = (Σ_a h_ka u_a − H c_k) / nodes of a one-point element.
+template <class Element, class Real>
+std::array<Vec<Element::dim, Real>, Element::hourglass_modes>
+hourglass_amplitudes(const ElementGeometry<Element, Real>& geometry, const Mat<strain_dim<Element>, Real>& H,
+                     const std::array<Vec<Element::dim, Real>, Element::nodes>& u)
+{
+  std::array<Vec<Element::dim, Real>, Element::hourglass_modes> amplitude;
+  for (int k = 0; k < Element::hourglass_modes; ++k)
+    for (int i = 0; i < Element::dim; ++i)
+    {
+      Real sum{};
+      for (int a = 0; a < Element::nodes; ++a)
+        if (Element::hourglass(k, a) > 0.0)
+          sum += u[static_cast<std::size_t>(a)][i];
+        else
+          sum -= u[static_cast<std::size_t>(a)][i];
+      for (int j = 0; j < Element::dim; ++j)
+        sum -= H(i, j) * geometry.hourglass[static_cast<std::size_t>(k)][j];
+      amplitude[static_cast<std::size_t>(k)][i] = sum * Real(1.0 / Element::nodes);
+    }
+  return amplitude;
+}
+
+/// f_a ← f_a + Σ_k γ_ka force_k; the part along ∇N goes into the stress `P` of the point, before its
+/// divergence.
+template <class Element, class Real>
+void add_hourglass_force(const ElementGeometry<Element, Real>& geometry,
+                         const std::array<Vec<Element::dim, Real>, Element::hourglass_modes>& force,
+                         Mat<strain_dim<Element>, Real>& P,
+                         std::array<Vec<Element::dim, Real>, Element::nodes>& f)
+{
+  for (int k = 0; k < Element::hourglass_modes; ++k)
+  {
+    const auto scaled = Real(1.0 / Element::nodes) * force[static_cast<std::size_t>(k)];
+    for (int a = 0; a < Element::nodes; ++a)
+      if (Element::hourglass(k, a) > 0.0)
+        f[static_cast<std::size_t>(a)] += scaled;
+      else
+        f[static_cast<std::size_t>(a)] -= scaled;
+    for (int i = 0; i < Element::dim; ++i)
+      for (int j = 0; j < Element::dim; ++j)
+        P(i, j) -= scaled[i] * geometry.hourglass[static_cast<std::size_t>(k)][j];
+  }
 }
 
 /// Values of a nodal field at the nodes of one element.
@@ -67,12 +177,36 @@ std::array<Vec<Element::dim>, Element::nodes> gather(const std::array<index_t, E
   return local;
 }
 
+/// How the elements of a mesh are to work.
+enum class Formulation
+{
+  full,        ///< full integration
+  one_point,   ///< quadrilaterals and hexahedra with one point and hourglass control
+  locking_free ///< mean dilatation in quadrilaterals and hexahedra, nodal dilatation in simplices
+};
+
+/// What the plane of a 2-D case stands for.
+enum class PlaneKind
+{
+  strain,      ///< F₃₃ = 1, per metre of thickness
+  stress,      ///< P₃₃ = 0, per metre of thickness
+  axisymmetric ///< x is the radius, the whole ring counts
+};
+
+struct BlockOptions
+{
+  Formulation formulation = Formulation::full;
+  PlaneKind plane = PlaneKind::strain;
+  double hourglass_modulus = 0.0; ///< K = this × V Σ_a |∇N_a|² [Pa]
+};
+
 /// Blocks of the mesh's elements of dimension `dim`, elements that touch nodes below `n_wet` first in each
-/// block; adds the row-sum volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
+/// block (all of a block with nodal dilatation if one does: its elements work together); adds the row-sum
+/// volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
 /// @throws InputError (exit code 4) for an element that is inverted in the reference state: number and
-/// position
+/// position; and for an element type that has not this formulation in this plane
 template <int dim>
-std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet,
+std::vector<AnyBlock<dim>> reference_blocks(const Mesh<dim>& mesh, index_t n_wet, const BlockOptions& options,
                                             std::span<double> nodal_volume);
 
 } // namespace undine::solid

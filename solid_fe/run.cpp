@@ -2,6 +2,7 @@
 #include "solid_fe/run.hpp"
 
 #include "common/error.hpp"
+#include "solid_fe/step_watch.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -18,10 +19,6 @@ double seconds_now()
 {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
-
-/// Steps between two looks at the stable step of a run on its own; the safety factor covers what a wave can
-/// change meanwhile.
-constexpr std::int64_t steps_between_checks = 10;
 
 /// Writes rows when they are due and keeps the largest imbalance.
 template <int dim>
@@ -74,7 +71,7 @@ link::Report report_of(const Energies& e, double stable_dt, double mass, std::in
   link::Report report;
   report.stable_dt = stable_dt;
   report.kinetic_energy = e.kinetic;
-  report.internal_energy = e.strain;
+  report.internal_energy = e.strain + e.hourglass + e.plastic + e.viscous + e.contact;
   report.external_work = e.external;
   report.interface_work = e.interface;
   report.mass = mass;
@@ -116,11 +113,12 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
   if (output != nullptr)
     output->write_frame(solid);
 
-  double dt_wanted = solid.critical_time_step();
+  StepWatch<dim> watch;
+  double dt_wanted = watch.limit(solid);
   bool go_on = true;
   for (const double t_due : frame_times(solid.time(), times))
   {
-    dt_wanted = next_step(dt_wanted, solid.critical_time_step());
+    dt_wanted = next_step(dt_wanted, watch.limit(solid));
     std::int64_t steps_left = 0;
     double dt = 0.0;
     const auto divide = [&] // the way to the next frame into equal steps
@@ -132,12 +130,11 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
     };
     for (divide(); go_on && steps_left > 0; --steps_left)
     {
-      if (solid.steps() % steps_between_checks == 0)
-        if (const double limit = solid.critical_time_step(); limit < dt)
-        {
-          dt_wanted = limit;
-          divide();
-        }
+      if (const double limit = watch.limit(solid); limit < dt)
+      {
+        dt_wanted = limit;
+        divide();
+      }
       solid.predict(dt);           // v ← v + Δt/2 a,  u ← u + Δt v
       solid.solve_free_motion(dt); // M a = F_ext − F_int(u),  v ← v + Δt/2 a
       if (ledger.is_due(solid, dt) || (steps_left == 1 && t_due == times.t_end))
@@ -176,11 +173,12 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
   if (output != nullptr)
     output->write_frame(solid);
   std::vector<double> f_link(solid.interface_velocity().size());
+  StepWatch<dim> watch;
   bool stop_asked = false;
 
   while (true)
   {
-    auto report = report_of(energies, solid.critical_time_step(), solid.mass(), solid.steps());
+    auto report = report_of(energies, watch.limit(solid), solid.mass(), solid.steps());
     report.wait_seconds = link.wait_seconds() - waited;
     report.compute_seconds = seconds_now() - started - report.wait_seconds;
     link.send_report(report);
@@ -253,11 +251,16 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
   summary.set("mass", solid.mass());
   summary.set("mass_drift", result.mass_drift);
   summary.set("energy_drift", result.energy_drift);
-  summary.set("energy_drift_definition", std::string("largest |balance - start| over the largest energy or "
-                                                     "work, balance = kinetic + strain - external - "
-                                                     "interface, at history times"));
+  summary.set("energy_drift_definition",
+              std::string("largest |balance - start| over the largest energy or "
+                          "work, balance = kinetic + strain + hourglass + plastic + "
+                          "viscous + contact - external - interface, at history times"));
   summary.set("kinetic_energy", e.kinetic);
   summary.set("strain_energy", e.strain);
+  summary.set("hourglass_energy", e.hourglass);
+  summary.set("plastic_work", e.plastic);
+  summary.set("viscous_work", e.viscous);
+  summary.set("contact_energy", e.contact);
   summary.set("external_work", e.external);
   summary.set("interface_work", e.interface);
   return summary;

@@ -22,14 +22,32 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   const auto n = reference_.mesh.x.size();
   std::vector<double> nodal_volume(n, 0.0);
   const Material material = make_material(config.material);
-  for (auto& block : reference_blocks(reference_.mesh, reference_.n_wet, std::span<double>(nodal_volume)))
-    bodies_.push_back({std::move(block), material, config.material.density});
+  const double modulus = config.material.youngs_modulus; // of the hourglass control: does not grow near ν = ½
+  const BlockOptions options{.formulation = config.formulation,
+                             .plane = config.plane,
+                             .hourglass_modulus = config.hourglass_stiffness * modulus};
+  for (auto& block :
+       reference_blocks(reference_.mesh, reference_.n_wet, options, std::span<double>(nodal_volume)))
+  {
+    auto& body = bodies_.emplace_back(
+        Body<dim>{std::move(block), material, config.material.density, config.plane == PlaneKind::stress});
+    body.state = virgin_state(body, reference_.mesh.n_nodes());
+  }
+  damping_ = {.mass = config.material.mass_damping,
+              .stiffness = config.material.stiffness_damping,
+              .elastic = elastic_constants(config.material.youngs_modulus, config.material.poisson_ratio),
+              .hourglass = config.formulation == Formulation::one_point ? config.hourglass_viscosity : 0.0,
+              .hourglass_modulus = modulus};
   if (bodies_.empty())
     throw InputError("mesh: no element of dimension " + std::to_string(dim) + " in the solid's mesh",
                      ExitCode::bad_input_file);
 
   const auto motion = prescribed_motion(reference_.mesh, config);
   loads_ = nodal_loads(reference_.mesh, config);
+  formula_loads_ = formula_loads(reference_.mesh, config);
+  body_force_ = FieldFunction(config.body_force_function, "solid.body_force_function");
+  for (std::size_t k = 0; k < config.velocity.size(); ++k)
+    driving_.emplace_back(config.velocity[k].function, "solid.velocity[" + std::to_string(k) + "].function");
 
   nodes_.X = reference_.mesh.x;
   nodes_.u.resize(n);
@@ -50,19 +68,41 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
       {
         nodes_.inverse_mass[static_cast<std::size_t>(node)][i] = 0.0;
         nodes_.v[static_cast<std::size_t>(node)][i] = prescribed.v[i];
-        if (prescribed.v[i] != 0.0)
-          driven_.push_back({static_cast<std::size_t>(node), i, 0.0});
+        const int function = prescribed.function[static_cast<std::size_t>(i)];
+        if (prescribed.v[i] != 0.0 || function >= 0)
+          driven_.push_back({static_cast<std::size_t>(node), i, 0.0, function, prescribed.v[i]});
       }
 
   F_int_.resize(n);
   F_ext_.resize(n);
+  if (!formula_loads_.empty() || !body_force_.empty())
+  {
+    F_formula_.resize(n);
+    F_formula_old_.resize(n);
+  }
+  if (!config.wall.empty() || !config.contact.empty())
+  {
+    double omega2 = 0.0;
+    for (const auto& body : bodies_)
+      omega2 = std::max(omega2, highest_frequency_squared(body, std::span<const Vec<dim>>(nodes_.u)));
+    contact_.emplace(config, reference_.mesh, nodes_, omega2);
+    F_contact_.resize(n);
+    F_contact_old_.resize(n);
+  }
+  if (damping_.any())
+  {
+    F_viscous_.resize(n);
+    F_viscous_old_.resize(n);
+  }
   const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
   a_free_wet_.resize(n_wet);
   f_link_.resize(n_wet);
   step_of_wet_.resize(n_wet);
 
   const auto v0 = to_vec<dim>(config.initial_velocity, "solid.initial_velocity");
-  set_motion([](const Vec<dim>&) { return Vec<dim>{}; }, [&v0](const Vec<dim>&) { return v0; });
+  const FieldFunction v0_function(config.initial_velocity_function, "solid.initial_velocity_function");
+  set_motion([](const Vec<dim>&) { return Vec<dim>{}; },
+             [&](const Vec<dim>& X) { return v0_function.empty() ? v0 : v0_function.vector(X, 0.0); });
 }
 
 template <int dim>
@@ -77,13 +117,25 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
       if (nodes_.inverse_mass[n][i] > 0.0) // prescribed components keep their velocity
         nodes_.v[n][i] = v_n[i];
   }
+  for (auto& driven : driven_)
+    if (driven.function >= 0)
+      nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
+          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], t);
+  for (auto& body : bodies_)
+    std::fill(body.state.history.begin(), body.state.history.end(), Lanes(0.0));
   t_origin_ = t;
   steps_of_dt_ = step_ = 0;
   loads_are_full_ = false;
   update_external_force(t);
+  std::fill(F_contact_.begin(), F_contact_.end(), Vec<dim>{});
+  add_contact_force(0.0);
   std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
-  add_internal_force_of(Part::interface);
-  add_internal_force_of(Part::interior);
+  std::fill(F_viscous_.begin(), F_viscous_.end(), Vec<dim>{});
+  for (const auto part : {Part::interface, Part::interior})
+  {
+    add_internal_force_of(part, 0.0);
+    add_viscous_force_of(part);
+  }
   move_free(0.0, 0, nodes_.size());
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
@@ -93,7 +145,7 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
 template <int dim>
 void Solid<dim>::start_balances()
 {
-  load_work_ = driven_work_ = interface_work_ = 0.0;
+  load_work_ = driven_work_ = interface_work_ = viscous_work_ = contact_work_ = 0.0;
   gravity_reference_ = 0.0;
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
@@ -120,6 +172,15 @@ void Solid<dim>::predict(double dt)
     nodes_.v[n] += half * nodes_.a[n];
     nodes_.u[n] += dt * nodes_.v[n];
   }
+  for (auto& driven : driven_)
+    if (driven.function >= 0) // the velocity in the middle of the step moves the node
+    {
+      auto& v = nodes_.v[driven.node][driven.component];
+      driven.v_step = driving_[static_cast<std::size_t>(driven.function)](
+          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], load_time + half);
+      nodes_.u[driven.node][driven.component] += dt * (driven.v_step - v);
+      v = driven.v_step;
+    }
 
   for (std::size_t n = 0; n < step_of_wet_.size(); ++n)
     step_of_wet_[n] = dt * nodes_.v[n];
@@ -143,7 +204,13 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
 {
   update_external_force(time());
   std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
-  add_internal_force_of(Part::interface);
+  F_viscous_.swap(F_viscous_old_);
+  std::fill(F_viscous_.begin(), F_viscous_.end(), Vec<dim>{});
+  add_internal_force_of(Part::interface, dt);
+  add_viscous_force_of(Part::interface);
+  F_contact_.swap(F_contact_old_);
+  std::fill(F_contact_.begin(), F_contact_.end(), Vec<dim>{});
+  add_contact_force(dt);
   move_free(dt, 0, reference_.n_wet);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
 }
@@ -151,14 +218,19 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
 template <int dim>
 void Solid<dim>::solve_free_motion_of_interior(double dt)
 {
-  add_internal_force_of(Part::interior);
+  add_internal_force_of(Part::interior, dt);
+  add_viscous_force_of(Part::interior);
+  count_works(dt);
   move_free(dt, reference_.n_wet, nodes_.size());
 
   for (auto& driven : driven_)
   {
     const double reaction = driven_force(driven);
-    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * nodes_.v[driven.node][driven.component];
+    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
     driven.reaction = reaction;
+    if (driven.function >= 0)
+      nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
+          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], time());
   }
 }
 
@@ -184,7 +256,7 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
     if (driven.node < f_link_.size())
     {
       const double f = f_link_[driven.node][driven.component];
-      driven_work_ -= 0.5 * f * dt * nodes_.v[driven.node][driven.component];
+      driven_work_ -= 0.5 * f * dt * driven.v_step;
       driven.reaction -= f;
     }
 }
@@ -238,8 +310,11 @@ template <int dim>
 double Solid<dim>::critical_time_step() const
 {
   double dt = std::numeric_limits<double>::infinity();
+  const std::span<const Vec<dim>> u(nodes_.u);
   for (const auto& body : bodies_)
-    dt = std::min(dt, stable_step(body, std::span<const Vec<dim>>(nodes_.u)));
+    dt = std::min(
+        dt, stable_step(highest_frequency_squared(body, u) + (contact_ ? contact_->frequency_squared() : 0.0),
+                        damping_bound(body, damping_, u)));
   return step_safety_ * dt;
 }
 
@@ -254,7 +329,14 @@ Energies Solid<dim>::energies() const
     gravity_work += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
   }
   for (const auto& body : bodies_)
-    e.strain += strain_energy(body, std::span<const Vec<dim>>(nodes_.u));
+  {
+    const auto stored = stored_energy(body, std::span<const Vec<dim>>(nodes_.u));
+    e.strain += stored.strain;
+    e.hourglass += stored.hourglass;
+    e.plastic += stored.plastic;
+  }
+  e.viscous = viscous_work_;
+  e.contact = contact_work_;
   e.external = gravity_work + load_work_ + driven_work_;
   e.interface = interface_work_;
   return e;
@@ -303,6 +385,8 @@ Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
   {
     const auto n = static_cast<std::size_t>(k);
     total += nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
+    for (int i = 0; i < dim; ++i)
+      total[i] += opposing(n, i);
     if (n < f_link_.size())
       total -= f_link_[n];
   }
@@ -335,28 +419,71 @@ template <int dim>
 std::vector<Vec<dim>> Solid<dim>::internal_force_at(std::span<const Vec<dim>> u) const
 {
   std::vector<Vec<dim>> F(u.size());
-  for (const auto part : {Part::interface, Part::interior})
-    for (const auto& body : bodies_)
-      add_internal_force(body, part, u, std::span<Vec<dim>>(F));
+  for (const auto& body : bodies_)
+  {
+    auto state = body.state;
+    for (const auto part : {Part::interface, Part::interior})
+      add_internal_force(body, part, u, 0.0, state, std::span<Vec<dim>>(F));
+  }
   return F;
 }
 
 template <int dim>
-void Solid<dim>::add_internal_force_of(Part part)
+void Solid<dim>::add_internal_force_of(Part part, double dt)
 {
-  for (const auto& body : bodies_)
+  for (auto& body : bodies_)
   {
-    const index_t inverted =
-        add_internal_force(body, part, std::span<const Vec<dim>>(nodes_.u), std::span<Vec<dim>>(F_int_));
+    const index_t inverted = add_internal_force(body, part, std::span<const Vec<dim>>(nodes_.u), dt,
+                                                body.state, std::span<Vec<dim>>(F_int_));
     if (inverted >= 0)
       fail_inverted(body, inverted);
   }
 }
 
 template <int dim>
+void Solid<dim>::add_viscous_force_of(Part part)
+{
+  if (F_viscous_.empty())
+    return;
+  if (damping_.in_elements())
+    for (const auto& body : bodies_)
+      add_viscous_force(body, damping_, part, std::span<const Vec<dim>>(nodes_.u),
+                        std::span<const Vec<dim>>(nodes_.v), std::span<Vec<dim>>(F_viscous_));
+  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
+  const auto begin = part == Part::interface ? 0 : n_wet;
+  const auto end = part == Part::interface ? n_wet : nodes_.X.size();
+  for (auto n = begin; n < end; ++n)
+    F_viscous_[n] += (damping_.mass * nodes_.m[n]) * nodes_.v[n];
+}
+
+template <int dim>
+void Solid<dim>::add_contact_force(double dt)
+{
+  if (contact_)
+    contact_->add_force(nodes_, dt, std::span<Vec<dim>>(F_contact_));
+}
+
+/// Works of the step by the trapezoidal rule; v of the wet nodes has moved on already, so their way is taken.
+template <int dim>
+void Solid<dim>::count_works(double dt)
+{
+  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
+  const auto work = [&](const std::vector<Vec<dim>>& F, const std::vector<Vec<dim>>& F_old)
+  {
+    double sum = 0.0;
+    for (std::size_t n = 0; n < F.size(); ++n)
+      sum += 0.5 * dot(F[n] + F_old[n], n < n_wet ? step_of_wet_[n] : dt * nodes_.v[n]);
+    return sum;
+  };
+  viscous_work_ += work(F_viscous_, F_viscous_old_);
+  contact_work_ -= work(F_contact_, F_contact_old_);
+  load_work_ += work(F_formula_, F_formula_old_);
+}
+
+template <int dim>
 void Solid<dim>::update_external_force(double t)
 {
-  if (loads_are_full_)
+  if (loads_are_full_ && F_formula_.empty())
     return;
   for (std::size_t n = 0; n < F_ext_.size(); ++n)
     F_ext_[n] = nodes_.m[n] * gravity_;
@@ -368,6 +495,23 @@ void Solid<dim>::update_external_force(double t)
     for (std::size_t k = 0; k < load.nodes.size(); ++k)
       F_ext_[static_cast<std::size_t>(load.nodes[k])] += factor * load.force[k];
   }
+  if (F_formula_.empty())
+    return;
+  F_formula_.swap(F_formula_old_);
+  std::fill(F_formula_.begin(), F_formula_.end(), Vec<dim>{});
+  if (!body_force_.empty())
+    for (std::size_t n = 0; n < F_formula_.size(); ++n)
+      F_formula_[n] += nodes_.m[n] * body_force_.vector(nodes_.X[n], t);
+  for (const auto& load : formula_loads_)
+    load.add(t, nodes_.X, nodes_.u, F_formula_);
+  for (std::size_t n = 0; n < F_ext_.size(); ++n)
+    F_ext_[n] += F_formula_[n];
+}
+
+template <int dim>
+double Solid<dim>::opposing(std::size_t n, int i) const
+{
+  return (F_viscous_.empty() ? 0.0 : F_viscous_[n][i]) - (F_contact_.empty() ? 0.0 : F_contact_[n][i]);
 }
 
 template <int dim>
@@ -377,7 +521,7 @@ void Solid<dim>::move_free(double dt, index_t begin, index_t end)
   for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
     for (int i = 0; i < dim; ++i)
     {
-      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i]);
+      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i] - opposing(n, i));
       nodes_.a[n][i] = a;
       nodes_.v[n][i] += half * a;
     }
@@ -386,7 +530,8 @@ void Solid<dim>::move_free(double dt, index_t begin, index_t end)
 template <int dim>
 double Solid<dim>::driven_force(const DrivenComponent& driven) const
 {
-  return F_int_[driven.node][driven.component] - F_ext_[driven.node][driven.component];
+  return F_int_[driven.node][driven.component] + opposing(driven.node, driven.component) -
+         F_ext_[driven.node][driven.component];
 }
 
 template <int dim>

@@ -4,6 +4,8 @@
 #include "common/coupling/messages.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
+#include "solid_fe/contact.hpp"
+#include "solid_fe/damping.hpp"
 #include "solid_fe/internal_force.hpp"
 #include "solid_fe/solid_config.hpp"
 #include "solid_fe/solid_nodes.hpp"
@@ -11,6 +13,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,16 +23,24 @@ namespace undine::solid
 /// Energies of the solid [J], per metre of thickness in 2-D. Works are cumulated by the trapezoidal rule in
 /// time, ½ (F_n + F_n+1) · Δu, for which the scheme gives exactly (constant Δt, linear law; up to O(Δt²)
 /// without trend otherwise)
-///     Δ(kinetic − Δt²/8 a·M a) + Δ strain = Δ external + Δ interface,
-/// so that kinetic + strain − external − interface stays within Δt²/8 a·M a of its start.
+///     Δ(kinetic − Δt²/8 a·M a) + Δ strain + Δ hourglass + Δ plastic + Δ viscous + Δ contact
+///         = Δ external + Δ interface,
+/// so that the balance stays within Δt²/8 a·M a of its start.
 struct Energies
 {
   double kinetic = 0.0;
   double strain = 0.0;
+  double hourglass = 0.0; ///< stored in the hourglass stiffness
+  double plastic = 0.0;   ///< plastic work since the start
+  double viscous = 0.0;   ///< taken by damping and viscous hourglass control since the start
+  double contact = 0.0;   ///< stored in and dissipated by contact since the start
   double external = 0.0;  ///< work of gravity, tractions and prescribed motion since the start
   double interface = 0.0; ///< work of link forces and activation impulses since the start
 
-  double balance() const { return kinetic + strain - external - interface; }
+  double balance() const
+  {
+    return kinetic + strain + hourglass + plastic + viscous + contact - external - interface;
+  }
 };
 
 /// Promise: nodes and elements that touch the wet surface come first; u, v, a and the balances belong to one
@@ -94,6 +105,8 @@ public:
     return reference_.number;
   } ///< of each node in the mesh it was made from
   index_t n_elements() const;
+  /// Walls and contact pairs; null if the case has none.
+  const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
   /// F_int at any displacement [N]; for verification and statics, allocates.
   std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
@@ -105,9 +118,15 @@ private:
     std::size_t node;
     int component;
     double reaction; ///< [N] at the last complete instant
+    int function;    ///< formula of its velocity, −1: constant
+    double v_step;   ///< velocity within the step [m/s]
   };
 
-  void add_internal_force_of(Part part);
+  void add_internal_force_of(Part part, double dt);
+  void add_viscous_force_of(Part part);
+  void add_contact_force(double dt);
+  void count_works(double dt);
+  double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
   void start_balances();
@@ -124,6 +143,14 @@ private:
   std::vector<Vec<dim>> F_int_, F_ext_; ///< [N]
   std::vector<DrivenComponent> driven_;
   bool loads_are_full_ = false;
+  Damping damping_;
+  std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping
+  std::optional<Contact<dim>> contact_;
+  std::vector<Vec<dim>> F_contact_, F_contact_old_; ///< [N]; empty without contact
+  std::vector<FormulaLoad<dim>> formula_loads_;
+  FieldFunction body_force_;                        ///< per mass
+  std::vector<FieldFunction> driving_;              ///< formulas of prescribed velocities
+  std::vector<Vec<dim>> F_formula_, F_formula_old_; ///< [N]; empty without formulas of loads
 
   std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
@@ -132,7 +159,8 @@ private:
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
   std::int64_t steps_of_dt_ = 0, step_ = 0;
   double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]
-  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0;
+  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0, viscous_work_ = 0.0,
+         contact_work_ = 0.0;
 };
 
 } // namespace undine::solid

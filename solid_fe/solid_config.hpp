@@ -3,6 +3,7 @@
 
 #include "common/mesh/mesh.hpp"
 #include "solid_fe/material.hpp"
+#include "solid_fe/reference_block.hpp"
 
 #include <string>
 #include <vector>
@@ -23,6 +24,7 @@ struct VelocityConfig
   std::string on;
   std::vector<double> value;           ///< [m/s], dim numbers
   std::vector<std::string> components; ///< those prescribed; empty: all
+  std::vector<std::string> function;   ///< of x, y, z, t, dim formulas; instead of value if not empty
 };
 
 /// `[[solid.traction]]`: dead load per reference area of a surface.
@@ -31,6 +33,32 @@ struct TractionConfig
   std::string on;
   std::vector<double> value; ///< [Pa], dim numbers
   double ramp = 0.0;         ///< grows linearly from 0 to full over this time [s]; 0: full from the start
+  std::vector<std::string>
+      function; ///< of x, y, z (reference position) and t, dim formulas; instead of value
+};
+
+/// `[[solid.pressure]]`: load along the inward normal of the deformed surface.
+struct PressureConfig
+{
+  std::string on;
+  std::string function; ///< of x, y, z (reference position) and t [Pa]
+};
+
+/// `[[solid.wall]]`: a rigid plane that nodes cannot pass.
+struct WallConfig
+{
+  std::vector<double> point;  ///< of the plane [m]
+  std::vector<double> normal; ///< to the side where the solid is
+  double friction = 0.0;      ///< Coulomb's coefficient
+  std::string on;             ///< surface or node set; empty: the whole boundary
+};
+
+/// `[[solid.contact]]`: nodes that cannot pass a surface of the solid.
+struct ContactConfig
+{
+  std::string nodes;   ///< surface or node set
+  std::string surface; ///< may be the same: self-contact
+  double friction = 0.0;
 };
 
 /// A surface of the solid that takes part in the interface of that name.
@@ -52,13 +80,23 @@ struct GeometryConfig
 struct SolidConfig
 {
   int dim = 2;
+  PlaneKind plane = PlaneKind::strain;
+  Formulation formulation = Formulation::full;
+  double hourglass_stiffness = 0.1; ///< one-point elements: fraction of E V Σ |∇N|²
+  double hourglass_viscosity = 0.0; ///< one-point elements: c of the modal force c √(K m) q̇
   GeometryConfig geometry;
   MaterialConfig material;
-  std::vector<double> gravity;          ///< body force per mass [m/s²], dim numbers
-  std::vector<double> initial_velocity; ///< [m/s], dim numbers
+  std::vector<double> gravity;                        ///< body force per mass [m/s²], dim numbers
+  std::vector<double> initial_velocity;               ///< [m/s], dim numbers
+  std::vector<std::string> body_force_function;       ///< per mass, added to gravity, dim formulas or none
+  std::vector<std::string> initial_velocity_function; ///< dim formulas, instead of initial_velocity, or none
   std::vector<FixConfig> fix;
   std::vector<VelocityConfig> velocity;
   std::vector<TractionConfig> traction;
+  std::vector<PressureConfig> pressure;
+  std::vector<WallConfig> wall;
+  std::vector<ContactConfig> contact;
+  double contact_stiffness = 0.1; ///< penalty stiffness relative to ω² m
   std::vector<WetConfig> wet;
   double step_safety = 0.9; ///< fraction of the stable step that is offered
 };

@@ -131,22 +131,14 @@ template <int dim>
 CellStress cell_stress(const Solid<dim>& solid)
 {
   CellStress stress;
+  std::vector<Mat<3>> sigma;
   for (const auto& body : solid.bodies())
-    visit_body(body,
-               [&]<class Element, class Law>(const ReferenceBlock<Element>& block, const Law& law)
-               {
-                 const auto* grad_N = block.grad_N.data();
-                 for (const auto& nodes : block.nodes)
-                 {
-                   const auto u = gather<Element>(nodes, std::span<const Vec<dim>>(solid.nodes().u));
-                   Mat<3> sigma;
-                   for (int q = 0; q < Element::points; ++q, grad_N += Element::nodes)
-                     sigma += (1.0 / Element::points) *
-                              cauchy_stress(law, displacement_gradient<Element>(u, grad_N));
-                   stress.sigma.insert(stress.sigma.end(), sigma.c.begin(), sigma.c.end());
-                   stress.von_mises.push_back(von_mises(sigma));
-                 }
-               });
+    append_stress(body, std::span<const Vec<dim>>(solid.nodes().u), sigma, stress.plastic_strain);
+  for (const auto& s : sigma)
+  {
+    stress.sigma.insert(stress.sigma.end(), s.c.begin(), s.c.end());
+    stress.von_mises.push_back(von_mises(s));
+  }
   return stress;
 }
 
@@ -189,11 +181,14 @@ void check_probes(const std::vector<ProbeConfig>& probes, const Solid<dim>& soli
 template <int dim>
 SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<ProbeConfig>& probes,
                               const Solid<dim>& solid)
-    : energy_(config.dir, "solid_energy",
-              std::string("energies and cumulated works of the solid") +
-                  (dim == 2 ? " per metre of thickness" : "") +
-                  "; balance = kinetic + strain - external - interface stays at its start up to O(dt^2)",
-              {"kinetic[J]", "strain[J]", "external_work[J]", "interface_work[J]", "balance[J]"})
+    : energy_(
+          config.dir, "solid_energy",
+          std::string("energies and cumulated works of the solid") +
+              (dim == 2 ? " per metre of thickness" : "") +
+              "; balance = kinetic + strain + hourglass + plastic + viscous + contact - external - interface "
+              "stays at its start up to O(dt^2)",
+          {"kinetic[J]", "strain[J]", "external_work[J]", "interface_work[J]", "balance[J]", "hourglass[J]",
+           "plastic_work[J]", "viscous_work[J]", "contact[J]"})
 {
   if (config.frames)
     frames_.emplace(config.dir, "solid");
@@ -238,7 +233,12 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
       {{.name = "displacement", .unit = "m", .components = dim, .values = u, .on_cells = false},
        {.name = "velocity", .unit = "m/s", .components = dim, .values = v, .on_cells = false},
        {.name = "sigma", .unit = "Pa", .components = 9, .values = stress.sigma, .on_cells = true},
-       {.name = "von_mises", .unit = "Pa", .components = 1, .values = stress.von_mises, .on_cells = true}});
+       {.name = "von_mises", .unit = "Pa", .components = 1, .values = stress.von_mises, .on_cells = true},
+       {.name = "plastic_strain",
+        .unit = "",
+        .components = 1,
+        .values = stress.plastic_strain,
+        .on_cells = true}});
 }
 
 template <int dim>
@@ -259,7 +259,8 @@ void SolidOutput<dim>::write_history(const Solid<dim>& solid, const Energies& e)
     }
     probe.history.write(solid.time(), row);
   }
-  energy_.write(solid.time(), {e.kinetic, e.strain, e.external, e.interface, e.balance()});
+  energy_.write(solid.time(), {e.kinetic, e.strain, e.external, e.interface, e.balance(), e.hourglass,
+                               e.plastic, e.viscous, e.contact});
 }
 
 template CellStress cell_stress(const Solid<2>&);

@@ -16,8 +16,9 @@ namespace undine::solid
 /// Stress of each element, block after block: mean over its points. Size n_elements.
 struct CellStress
 {
-  std::vector<double> sigma;     ///< Cauchy stress, 9 numbers per element, row by row [Pa]
-  std::vector<double> von_mises; ///< of the mean stress [Pa]
+  std::vector<double> sigma;          ///< Cauchy stress, 9 numbers per element, row by row [Pa]
+  std::vector<double> von_mises;      ///< of the mean stress [Pa]
+  std::vector<double> plastic_strain; ///< equivalent, mean over the points; 0 for elastic laws
 };
 
 template <int dim>

@@ -54,7 +54,10 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     probe.point = table.numbers(
         {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
         table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
-    probe.radius = table.number({"radius", "m", "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node"}, 0.0, non_negative());
+    probe.radius = table.number(
+        {"radius", "m",
+         "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node"},
+        0.0, non_negative());
     probe.wall = table.text({"wall", "", "fluid: name of the wall whose force is measured"}, "");
     const Key quantity{"quantity", "", "what is measured, such as \"u\" or [\"p\", \"v\"]"};
     if (table.is_text(quantity.name))
@@ -67,9 +70,12 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     if (std::any_of(probes.begin(), probes.end(),
                     [&](const ProbeConfig& other) { return other.name == probe.name; }))
       table.fail("name", "another probe has this name");
-    const bool whole = probe.fields == std::vector<std::string>{"front"};
-    if (!whole && (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty()) != 1)
-      table.fail("", "a probe needs one of 'point', 'surface' and (fluid) 'wall'");
+    const bool whole =
+        probe.fields.size() == 1 && (probe.fields[0] == "front" || probe.fields[0] == "hydrostatic_error");
+    const int places = (!probe.point.empty()) + (!probe.surface.empty()) + (!probe.wall.empty());
+    if (!whole && places != 1)
+      table.fail("", places == 0 ? "a probe needs a 'point', a 'surface' or (fluid) a 'wall'"
+                                 : "a probe has one of 'point', 'surface' and 'wall', not several");
     if (probe.fields.empty())
       table.fail("quantity", "a probe needs a 'quantity', such as \"u\" or [\"p\", \"v\"]");
     probes.push_back(std::move(probe));

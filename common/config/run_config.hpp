@@ -38,11 +38,12 @@ struct OutputConfig
 /// An entry of [[probe]]: a history at a point, or the mean over a named surface.
 struct ProbeConfig
 {
-  std::string name;                ///< of the CSV file
-  std::string on;                  ///< "fluid" or "solid"
-  std::vector<double> point;       ///< dim coordinates [m]; empty if the probe is on a surface
-  std::string surface;             ///< name of a surface; empty if the probe is at a point
-  double radius = 0.0;             ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
+  std::string name;          ///< of the CSV file
+  std::string on;            ///< "fluid" or "solid"
+  std::vector<double> point; ///< dim coordinates [m]; empty if the probe is on a surface
+  std::string surface;       ///< name of a surface; empty if the probe is at a point
+  double radius =
+      0.0; ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
   std::string wall;                ///< fluid: name of a wall whose force is measured
   std::vector<std::string> fields; ///< e.g. {"u", "v"} or {"p"}
 

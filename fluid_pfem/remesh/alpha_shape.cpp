@@ -72,10 +72,15 @@ bool closing_gap(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, doub
 template <int dim>
 double quality(const std::array<Vec<dim>, dim + 1>& x)
 {
-  double surface = 0.0;
-  for (const auto& g : volume_gradients<dim, double>(x))
-    surface += dim * norm(g);
-  return dim * (dim * signed_volume<dim, double>(x) / surface) / circumradius<dim>(x);
+  double edges = 0.0;
+  for (std::size_t a = 0; a <= dim; ++a)
+    for (std::size_t b = a + 1; b <= dim; ++b)
+      edges += norm_squared(x[a] - x[b]);
+  const double V = signed_volume<dim, double>(x);
+  if constexpr (dim == 2)
+    return 4.0 * std::sqrt(3.0) * V / edges;
+  else
+    return std::copysign(12.0 * std::cbrt(9.0 * V * V) / edges, V);
 }
 
 template <int dim>
@@ -99,6 +104,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<st
 {
   ShapeChoice<dim> choice;
   choice.elements.reserve(delaunay.size());
+  choice.gained.assign(nodes.x.size(), 0.0);
   for (const auto& simplex : delaunay)
   {
     const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
@@ -133,10 +139,11 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<st
     const double V = std::abs(signed_volume<dim, double>(corner));
     if (is_fluid)
       choice.elements.push_back(simplex);
-    if (is_fluid && !was_fluid)
-      choice.created += V;
-    if (!is_fluid && was_fluid)
-      choice.dropped += V;
+    if (is_fluid == was_fluid)
+      continue;
+    (is_fluid ? choice.created : choice.dropped) += V;
+    for (const index_t n : simplex)
+      choice.gained[static_cast<std::size_t>(n)] += (is_fluid ? V : -V) / (dim + 1);
   }
   return choice;
 }

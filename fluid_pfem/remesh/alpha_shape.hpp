@@ -37,6 +37,7 @@ struct ShapeChoice
   std::vector<Simplex<dim>> elements;
   double created = 0.0; ///< volume that was not fluid before
   double dropped = 0.0; ///< volume that was fluid before
+  std::vector<double> gained; ///< the difference of both, shared by the corners: volume each node gained by decision
 };
 
 /// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid before the remesh.
@@ -46,7 +47,8 @@ template <int dim>
 ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
                               const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before, const ShapeRules& rules);
 
-/// Shape of a simplex in (0, 1]: dim · inradius / circumradius.
+/// Shape of a simplex, 1 for a regular one, in proportion to its height when flat, negative when inverted:
+/// 4√3 A/Σl² in the plane, 12 (3V)^(2/3)/Σl² in space (mean ratio; Liu & Joe 1994).
 template <int dim>
 double quality(const std::array<Vec<dim>, dim + 1>& x);
 

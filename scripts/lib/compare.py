@@ -143,6 +143,20 @@ def measure(kind, t, y, t_ref, y_ref):
     raise ValueError(f"unknown measure '{kind}'; known: {', '.join(MEASURES)}")
 
 
+def energy_changes_per_period(out, length):
+    """(smallest, largest) change of the total energy of a coupled run over one period of `length` seconds, over the largest stored energy.
+
+    The total of a leap-frog oscillates by O(dt^2) inside a period; so instants one period apart are compared.
+    """
+    energy = read_csv(out / "history" / "energy.csv")
+    stored = np.maximum(energy["fluid_kinetic[J]"] + energy["solid_kinetic[J]"],
+                        np.abs(energy["fluid_internal[J]"] + energy["solid_internal[J]"]))
+    t, total = energy["t[s]"], energy["total[J]"]
+    later = t >= length
+    change = (total[later] - np.interp(t[later] - length, t, total)) / np.max(stored)
+    return float(change.min()), float(change.max())
+
+
 def compare_all(case, settings, out):
     results = []
     for reference in settings.get("reference", []):

@@ -31,13 +31,14 @@ def draw_histories(case, settings, out):
                 continue
             drawn.add(key)
             t_ref, y_ref = compare.reference_curve(case, reference, settings)
-            axes.plot(t_ref, y_ref, "k--", linewidth=1.6, label=reference.get("label", reference["value"]))
-        axes.plot(t, y, color="tab:blue", linewidth=1.2, label="Undine")
+            every = max(1, len(t_ref) // 60)  # as points, so that both curves are seen where they agree
+            axes.plot(t_ref[::every], y_ref[::every], "o", color="black", markersize=4, markerfacecolor="none", label=reference.get("label", reference["value"]))
+        axes.plot(t, y, color="tab:blue", linewidth=1.4, label="Undine")
         axes.set_xlabel("t [s]")
         axes.set_ylabel(f"{history}: {column.replace('[', ' [')}")
         axes.set_xlim(t[0], t[-1])
         axes.grid(alpha=0.3)
-        axes.legend()
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
         name = column.split("[")[0]
         figure.savefig(out / "plots" / f"{history}_{name}.png", dpi=130)
         plt.close(figure)
@@ -58,19 +59,24 @@ def frame_of(path, index):
         return float(frame.attrs["time"]), points, cells, fields
 
 
-def draw_frames(out, frames=(0, None, -1)):
-    """Fluid pressure and von Mises stress of the solid: first, middle and last frame, side by side."""
+def draw_frames(out, columns=6):
+    """Fluid pressure and von Mises stress of the solid: `columns` frames over the run, side by side, wide domains below each other."""
     parts = {p: out / f"{p}.h5" for p in ("fluid", "solid")}
     parts = {p: f for p, f in parts.items() if f.is_file()}
     if not parts:
         return
     with h5py.File(next(iter(parts.values())), "r", locking=False) as file:
         n = len(file["frames"])
-    chosen = sorted({k if k is not None and k >= 0 else (n - 1 if k == -1 else n // 2) for k in frames})
-    figure, axes = plt.subplots(1, len(chosen), figsize=(4.2 * len(chosen), 6), constrained_layout=True, squeeze=False)
+    low, high = extent(parts)
+    width, height = np.maximum(high - low, 1e-12)
+    wide = width > 1.5 * height
+    chosen = sorted({round(k) for k in np.linspace(0, n - 1, 4 if wide else columns)})
+    size = (9, 0.9 + len(chosen) * min(3.5, 1.0 + 7.0 * height / width)) if wide else (1.8 + len(chosen) * max(1.3, 0.8 + 5.5 * width / height), 6.5)
+    shape = (len(chosen), 1) if wide else (1, len(chosen))
+    figure, axes = plt.subplots(*shape, figsize=size, constrained_layout=True, squeeze=False, sharex=True, sharey=True)
     ranges = {"fluid": value_range(parts.get("fluid"), "pressure"), "solid": value_range(parts.get("solid"), "von_mises")}
     mappable = {}
-    for ax, k in zip(axes[0], chosen):
+    for ax, k in zip(axes.flat, chosen):
         for part, path in parts.items():
             data = frame_of(path, k)
             if data is None or np.ptp(data[1][:, 2]) > 0.0:
@@ -86,15 +92,32 @@ def draw_frames(out, frames=(0, None, -1)):
                                             edgecolors="face", linewidths=0.2)
                 collection.set_clim(*ranges[part])
                 mappable[part] = ax.add_collection(collection)
-            ax.set_title(f"t = {time:.4g} s")
-        ax.autoscale_view()
+            ax.set_title(f"t = {time:.3g} s", fontsize=10)
+        ax.set_xlim(low[0], high[0])
+        ax.set_ylim(low[1], high[1])
         ax.set_aspect("equal")
+        if width < 0.4 * height:  # no room for more than its ends
+            ax.set_xticks([low[0], high[0]])
+        ax.label_outer()
+    for ax in axes[-1]:
         ax.set_xlabel("x [m]")
+    for ax in axes[:, 0]:
         ax.set_ylabel("y [m]")
     for part, m in mappable.items():
-        figure.colorbar(m, ax=axes[0].tolist(), shrink=0.6, label="fluid pressure [Pa]" if part == "fluid" else "solid von Mises stress [Pa]")
+        figure.colorbar(m, ax=axes.ravel().tolist(), shrink=0.6, label="fluid pressure [Pa]" if part == "fluid" else "solid von Mises stress [Pa]")
     figure.savefig(out / "plots" / "frames.png", dpi=120)
     plt.close(figure)
+
+
+def extent(parts):
+    """Lowest and highest coordinates of all parts over the first and the last frame."""
+    corners = []
+    for path in parts.values():
+        for index in (0, -1):
+            data = frame_of(path, index)
+            if data is not None and len(data[1]):
+                corners += [data[1][:, :2].min(axis=0), data[1][:, :2].max(axis=0)]
+    return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
 def value_range(path, name):

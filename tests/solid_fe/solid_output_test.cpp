@@ -118,7 +118,8 @@ TEMPLATE_TEST_CASE_SIG("a run leaves frames, probes, a ledger and a summary that
   CHECK(base[2] > 0.0); // carries weight
 
   const auto energy = lines_of(folder.path / "history/solid_energy.csv");
-  CHECK(energy[2] == "t[s],kinetic[J],strain[J],external_work[J],interface_work[J],balance[J]");
+  CHECK(energy[2] == "t[s],kinetic[J],strain[J],external_work[J],interface_work[J],balance[J],hourglass[J],"
+                     "plastic_work[J],viscous_work[J],contact[J]");
   CHECK(numbers_of(energy.back())[2] == solid.energies().strain);
   CHECK(std::filesystem::file_size(folder.path / "solid.h5") > 0);
   int frames = 0;
@@ -157,6 +158,6 @@ TEST_CASE("the description tells counts, supports and the step", "[solid][unit]"
   const Solid<2> solid(config, mesh);
   const auto text = describe(config, solid, 1.0);
   for (const char* part :
-       {"svk: density 1000", "12 triangle3", "12, 4 of them wet", "gamma on surface top", "bottom: y"})
+       {"svk: density 1000", "12 T3", "12, 4 of them wet", "gamma on surface top", "bottom: y"})
     CHECK(text.find(part) != std::string::npos);
 }

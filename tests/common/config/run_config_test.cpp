@@ -111,7 +111,7 @@ TEST_CASE("a wrong run, output or probe is answered with place and rule", "[comm
   const auto probe_error = [](const std::string& text)
   { return error_of([&] { read_probe_configs(CaseFile::parse("[[probe]]\n" + text, "case.toml"), 2); }); };
   CHECK(probe_error("name = \"a\"\non = \"fluid\"\nquantity = \"p\"\n") ==
-        "case.toml:1:1: probe[0]: a probe needs a 'point' or a 'surface'\n"
+        "case.toml:1:1: probe[0]: a probe needs a 'point', a 'surface' or (fluid) a 'wall'\n"
         "  [[probe]]\n"
         "  ^~~~~~~~~");
   CHECK(probe_error("name = \"a\"\non = \"fluid\"\nquantity = \"p\"\npoint = [0, 1, 2]\n")
@@ -123,7 +123,7 @@ TEST_CASE("a wrong run, output or probe is answered with place and rule", "[comm
   const std::string probe = "name = \"a\"\non = \"fluid\"\npoint = [0, 1]\nquantity = \"p\"\n";
   CHECK(probe_error(probe + "[[probe]]\n" + probe)
             .starts_with("case.toml:7:8: probe[1].name = \"a\": another probe has this name"));
-  CHECK(probe_error(probe + "surface = \"left\"\n").find("not both") != std::string::npos);
+  CHECK(probe_error(probe + "surface = \"left\"\n").find("not several") != std::string::npos);
 }
 
 TEST_CASE("every option of the command line arrives", "[common][unit]")

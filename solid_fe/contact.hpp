@@ -1,0 +1,75 @@
+// Contact of the solid with rigid walls and with its own surfaces: penalty forces at nodes, Coulomb friction.
+#pragma once
+
+#include "common/mesh/mesh.hpp"
+#include "solid_fe/solid_config.hpp"
+#include "solid_fe/solid_nodes.hpp"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+namespace undine::solid
+{
+
+/// Penalty contact. A node that is behind a wall or facet by the depth d is pushed out by k d along the
+/// normal, with the reaction on the facet's nodes; k = stiffness × ω² × mass, ω the solid's highest frequency
+/// at the start, so that depths are of the size of one step's travel and the stable step loses little.
+/// Friction: μ k d against the tangential velocity, but never more than would stop a tenth of it in one step
+/// (sticking creeps by that much).
+template <int dim>
+class Contact
+{
+public:
+  /// @throws InputError for unknown surfaces, or a normal of zero length
+  Contact(const SolidConfig& config, const Mesh<dim>& mesh, const SolidNodes<dim>& nodes, double omega2);
+
+  bool empty() const { return walls_.empty() && pairs_.empty(); }
+
+  /// Add the contact forces on the nodes [N] at their current position, friction with their current velocity;
+  /// `dt` is the step being made [s].
+  void add_force(const SolidNodes<dim>& nodes, double dt, std::span<Vec<dim>> F);
+
+  /// Energy stored in the penalty springs at the last evaluation [J].
+  double stored_energy() const { return stored_; }
+  /// Upper bound of what contact adds to the squared frequency [1/s²], for contacts that are open too.
+  double frequency_squared() const { return added_frequency2_; }
+  /// Force of wall `k` on the solid at the last evaluation [N].
+  const Vec<dim>& wall_force(std::size_t k) const { return walls_[k].force; }
+  std::int64_t searches() const { return searches_; } ///< how often candidates were looked for
+
+private:
+  struct Wall
+  {
+    Vec<dim> point, normal;
+    double friction;
+    std::vector<std::size_t> nodes;
+    Vec<dim> force{};
+  };
+  /// Straight piece of a surface: a segment, or a triangle (quadrilaterals are cut in two).
+  using Facet = std::array<std::size_t, dim>;
+  struct Pair
+  {
+    std::vector<std::size_t> slaves;
+    std::vector<Facet> facets;
+    double friction;
+    double skin;                       ///< depth beyond which a node is not taken for a penetrating one [m]
+    std::vector<Vec<dim>> x_at_search; ///< positions when candidates were found, of all nodes
+    std::vector<std::vector<std::size_t>> candidates; ///< facets near each slave
+  };
+
+  double stiffness(double mass) const { return stiffness_ * omega2_ * mass; }
+  void push_from_walls(const SolidNodes<dim>& nodes, double dt, std::span<Vec<dim>> F);
+  void push_from_facets(Pair& pair, const SolidNodes<dim>& nodes, double dt, std::span<Vec<dim>> F);
+  void search(Pair& pair, const SolidNodes<dim>& nodes);
+
+  double omega2_, stiffness_;
+  double stored_ = 0.0, added_frequency2_ = 0.0;
+  std::int64_t searches_ = 0;
+  std::vector<Wall> walls_;
+  std::vector<Pair> pairs_;
+};
+
+} // namespace undine::solid
