@@ -3,6 +3,7 @@
 #include "common/io/log.hpp"
 #include "common/program/program.hpp"
 #include "solid_fe/describe.hpp"
+#include "solid_fe/modes.hpp"
 #include "solid_fe/read_solid_config.hpp"
 #include "solid_fe/run.hpp"
 #include "solid_fe/solid.hpp"
@@ -63,6 +64,14 @@ void run(const Launch& launch, const solid::SolidConfig& config)
   if (launch.line.check_only)
   {
     std::fputs(description.c_str(), stdout);
+    return;
+  }
+  if (launch.line.modes > 0)
+  {
+    std::printf("mode  frequency [Hz]\n");
+    const auto frequencies = solid::natural_frequencies(solid, launch.line.modes);
+    for (std::size_t k = 0; k < frequencies.size(); ++k)
+      std::printf("%4zu  %.9g\n", k + 1, frequencies[k]);
     return;
   }
   const link::World world = launch.meet(partners(launch));

@@ -106,7 +106,8 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
 {
   GeometryConfig geometry;
   const auto mesh = solid.optional_text(
-      {"mesh", "", "Gmsh file of the solid, relative to the case; instead of the built-in box"});
+      {"mesh", "",
+       "Gmsh (.msh) or Abaqus (.inp) file of the solid, relative to the case; instead of the built-in box"});
   if (mesh)
   {
     geometry.mesh_file = file.resolve(*mesh);

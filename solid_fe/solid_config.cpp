@@ -35,7 +35,8 @@ Mesh<dim> make_mesh(const SolidConfig& config)
 {
   const auto& geometry = config.geometry;
   if (!geometry.mesh_file.empty())
-    return read_gmsh<dim>(geometry.mesh_file);
+    return geometry.mesh_file.ends_with(".inp") ? read_abaqus<dim>(geometry.mesh_file)
+                                                : read_gmsh<dim>(geometry.mesh_file);
   std::array<int, dim> counts{};
   if (geometry.elements.size() != dim)
     throw InputError("solid.elements has " + std::to_string(geometry.elements.size()) +

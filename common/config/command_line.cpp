@@ -45,6 +45,9 @@ CommandLine parse_command_line(std::string_view role, int argc, const char* cons
   app.add_flag("--check", line.check_only, "read and check everything, do not run");
   app.add_flag("--verbose", line.verbose, "log more");
   app.add_flag("--document-keys", line.document_keys, "print the keys of the case file as Markdown");
+  if (role == "solid")
+    app.add_option("--modes", line.modes, "print this many natural frequencies of the solid and end")
+        ->check(CLI::PositiveNumber);
   app.add_flag("--version", version, "print the version");
   try
   {

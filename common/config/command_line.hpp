@@ -17,12 +17,14 @@ struct CommandLine
   double progress = 0.0; ///< --progress: time between progress lines [s]; 0: 1 on a terminal, else 30
   bool verbose = false;
   bool document_keys = false; ///< --document-keys: print CaseFile::documentation and end
+  int modes = 0;              ///< --modes N (solid only): print N natural frequencies and end; 0: run
   std::string answer;         ///< --help or --version: print this and end with exit code 0; else empty
 };
 
 /// Read `role case.toml [--out DIR] [--set table.key=value]... [--until T] [--check] [--verbose]
 /// [--progress S]
-/// [--document-keys] [--version] [--help]`. A folder in place of the file means its case.toml; the default of
+/// [--modes N] [--document-keys] [--version] [--help]`. A folder in place of the file means its case.toml;
+/// the default of
 /// --out is runs/<name of the case's folder>.
 /// @throws InputError (exit code 2) that names the argument
 CommandLine parse_command_line(std::string_view role, int argc, const char* const* argv);

@@ -77,4 +77,12 @@ Mesh<dim> box_mesh(const Vec<dim>& origin, const Vec<dim>& size,
 template <int dim>
 Mesh<dim> read_gmsh(const std::string& path);
 
+/// Abaqus input file (.inp): *NODE, *ELEMENT (3- and 4-node plane and axisymmetric, C3D4, C3D8, B21 and their
+/// variants), *NSET, *ELSET (GENERATE too), *SURFACE of element faces; materials, steps and the rest are
+/// passed over. Elements of one ELSET and type become a block with that body name, node sets keep their
+/// names. Facets are turned outward.
+/// @throws InputError (exit code 4) naming file and line or element
+template <int dim>
+Mesh<dim> read_abaqus(const std::string& path);
+
 } // namespace undine

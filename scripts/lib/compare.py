@@ -16,7 +16,8 @@ REFERENCE_KEYS = {
     "time": ("text", "required", "its column of times in s"),
     "value": ("text", "required", "its column of values"),
     "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
-                                    "period_of_minima: relative difference of the mean time between minima"),
+                                    "period_of_minima: relative difference of the mean time between minima; "
+                                    "final_value: relative difference of the last values"),
     "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
     "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
     "label": ("text", "the value's name", "name in the legend of the plot"),
@@ -123,7 +124,7 @@ def period(t, y):
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
 
 
-MEASURES = ("relative_L2", "period_of_minima")
+MEASURES = ("relative_L2", "period_of_minima", "final_value")
 
 
 def measure(kind, t, y, t_ref, y_ref):
@@ -139,6 +140,9 @@ def measure(kind, t, y, t_ref, y_ref):
     if kind == "period_of_minima":
         keep = t_ref <= end
         value, target = period(t, y), period(t_ref[keep], y_ref[keep])
+        return value, target, abs(value / target - 1.0)
+    if kind == "final_value":
+        value, target = np.interp(end, t, y), np.interp(end, t_ref, y_ref)
         return value, target, abs(value / target - 1.0)
     raise ValueError(f"unknown measure '{kind}'; known: {', '.join(MEASURES)}")
 
