@@ -142,6 +142,7 @@ int run_all(const Options& options, const char* self)
 
     const auto findings = folder / "findings";
     std::filesystem::remove(findings);
+    std::filesystem::remove(folder / not_applicable);
     const Ended ended = run(line, folder / "log", options.limit + options.stall + 5.0);
 
     std::ifstream in(findings);
@@ -149,7 +150,10 @@ int run_all(const Options& options, const char* self)
          std::getline(in, verdict, '\t') && std::getline(in, clause, '\t') && std::getline(in, text);)
       tally.say(verdict, clause, text);
     const int broken_before = tally.broken;
-    judge_end(script, ended, tally);
+    if (std::filesystem::exists(folder / not_applicable))
+      tally.say("note", "1", "not for a program at level A");
+    else
+      judge_end(script, ended, tally);
     if (options.verbose || tally.broken > broken_before)
       std::printf("%s\n", ended.text.c_str());
   }

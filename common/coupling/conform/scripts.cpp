@@ -239,7 +239,11 @@ std::vector<double> kick(const SurfaceMesh& mesh)
 
 Setup setup_of(const Options& options)
 {
-  return {.dim = options.dim, .t_begin = 0.0, .t_end = 1.0, .scheme = "gc", .interfaces = options.interfaces};
+  return {.dim = options.dim,
+          .t_begin = 0.0,
+          .t_end = 1.0,
+          .scheme = options.force_in ? staggered_scheme : "gc",
+          .interfaces = options.interfaces};
 }
 
 void judge_mesh(const SurfaceMesh& mesh, const Options& options, Findings& findings)
@@ -283,12 +287,71 @@ Report begin(PartnerLink& link, const Options& options, SurfaceMesh& mesh)
   link.send_setup(setup_of(options));
   mesh = link.receive_mesh();
   link.accept_mesh();
+  if (options.force_in)
+    link.receive_motion();
   return link.receive_report();
+}
+
+/// Level A: the plan's windows with one step each, the push as the force of a whole window.
+Record converse_with_forces(PartnerLink& link, const Options& options, const Push& push, Findings* findings)
+{
+  Record record;
+  link.send_setup(setup_of(options));
+  record.mesh = link.receive_mesh();
+  link.accept_mesh();
+  Motion before = link.receive_motion();
+  const Report start = link.receive_report();
+  if (findings != nullptr)
+  {
+    judge_mesh(record.mesh, options, *findings);
+    findings->expect(before.x == record.mesh.x, "8.1", "the first MOTION has the positions of MESH");
+  }
+  const auto p = kick(record.mesh);
+  double t = 0.0, off = 0.0;
+  bool dt_positive = start.stable_dt > 0.0;
+  for (std::size_t k = 0; k < std::size(plan); ++k)
+  {
+    const double dt = plan[k].dt * start.stable_dt;
+    link.send_window({.index = static_cast<std::int64_t>(k),
+                      .t_begin = t,
+                      .t_end = t + dt,
+                      .output = k % 2 == 1,
+                      .last = k + 1 == std::size(plan)});
+    t += dt;
+    std::vector<double> f(p.size(), 0.0);
+    if (static_cast<int>(k) == push.exchange)
+      for (std::size_t i = 0; i < p.size(); ++i)
+        f[i] = p[i] / dt;
+    link.send_link_force(f);
+    const Motion motion = link.receive_motion();
+    record.v_free.push_back(motion.v);
+    record.dt.push_back(dt);
+    std::vector<double> error(p.size()), travel(p.size());
+    for (std::size_t i = 0; i < p.size(); ++i)
+    {
+      travel[i] = 0.5 * dt * (before.v[i] + motion.v[i]);
+      error[i] = motion.x[i] - before.x[i] - travel[i];
+    }
+    // Positions of the size of a body leave room for round-off only.
+    off = std::max(off, (norm(error) - 1e-14 * norm(motion.x)) / std::max(norm(travel), 1e-300));
+    before = motion;
+    dt_positive = dt_positive && link.receive_report().stable_dt > 0.0;
+  }
+  link.send_bye();
+  if (findings != nullptr)
+  {
+    findings->expect(dt_positive, "4.2", "every READY tells a stable step");
+    findings->expect(off <= 0.5, "8.1", "positions move by the velocities");
+    findings->expect(true, "4.5", "windows of changing length, BYE and BYE_ACK");
+  }
+  return record;
 }
 
 /// Plays the plan with zero forces and the push.
 Record converse(PartnerLink& link, const Options& options, const Push& push, Findings* findings)
 {
+  if (options.force_in)
+    return converse_with_forces(link, options, push, findings);
   Record record;
   const Report start = begin(link, options, record.mesh);
   if (findings != nullptr)
@@ -409,6 +472,19 @@ void judge_response(const Record& record, const std::vector<std::vector<double>>
   findings.expect(off <= 0.01, clause, claim + " (off by " + percent(off) + ")");
 }
 
+/// Level A: the force of a window shows at its end.
+void play_force(const std::string& script, const Record& record, const std::string& folder,
+                Findings& findings)
+{
+  const auto rest = read_record(folder + "/rest", record);
+  const std::size_t k = script == "coarse force" ? 1 : 3;
+  if (rest.empty())
+    findings.expect(false, "8.1", "there is no undisturbed run to compare with");
+  else
+    judge_response(record, rest, k, 1.0, "8.1", "LINK_FORCE acts with M^-1 of MESH over its window",
+                   findings);
+}
+
 void play_push(const std::string& script, const Record& record, const std::string& folder, Findings& findings)
 {
   const auto rest = read_record(folder + "/rest", record);
@@ -468,6 +544,9 @@ void judge_hello(const Options& options, Findings& findings)
   findings.expect(!hello.solver.empty(), "2.2", "HELLO: the solver is named '" + hello.solver + "'");
   findings.expect(hello.partners == std::vector<std::string>{"coupler"}, "2.2",
                   "HELLO: needs a coupler and nobody else");
+  findings.expect((hello.capabilities & (capability::force_in | capability::link)) != 0, "2.2",
+                  "HELLO: level" + std::string(hello.capabilities & capability::force_in ? " A" : "") +
+                      (hello.capabilities & capability::link ? " B" : ""));
   findings.note("2.2",
                 hello.case_hash == 0 ? "HELLO: did not read the case (hash 0)" : "HELLO: read the case");
 }
@@ -503,8 +582,9 @@ const std::vector<Script>& scripts()
   return list;
 }
 
-int play(const std::string& script, const Options& options, int argc, char** argv)
+int play(const std::string& script, const Options& given, int argc, char** argv)
 {
+  Options options = given;
   arm_start_timer("coupler", options.limit);
   MPI_Init(&argc, &argv);
   Findings findings(options.folder);
@@ -523,6 +603,15 @@ int play(const std::string& script, const Options& options, int argc, char** arg
     }
     const World world = meet(options);
     auto channel = world.channel(options.role);
+    options.force_in = (world.capabilities_of(options.role) & capability::link) == 0;
+    if (options.force_in && (script == "impulse" || script == "oversized count"))
+    {
+      std::ofstream(options.folder + "/" + not_applicable) << script;
+      PartnerLink link(std::move(channel), options.role);
+      converse(link, options, {}, nullptr);
+      MPI_Finalize();
+      return 0;
+    }
 
     for (const auto& [wrong_script, wrong] : wrong_messages())
       if (wrong_script.name == script)
@@ -568,7 +657,8 @@ int play(const std::string& script, const Options& options, int argc, char** arg
       const Report report = begin(link, options, mesh);
       link.send_window({.index = 0, .t_begin = 0.0, .t_end = 0.02 * report.stable_dt, .steps = 1});
       std::vector<double> v(mesh.x.size());
-      link.receive_free_velocity(v);
+      if (!options.force_in)
+        link.receive_free_velocity(v);
       if (script == "failed partner")
         link.send_failure(10, "undine-conform pretends to have failed, step 1, t = 0 s");
       wait_for_the_end(options.limit + options.stall);
@@ -585,6 +675,8 @@ int play(const std::string& script, const Options& options, int argc, char** arg
       const auto rest = read_record(options.folder + "/rest", record);
       findings.expect(rest == record.v_free, "4.3", "the same orders give the same answers, bit by bit");
     }
+    else if (options.force_in)
+      play_force(script, record, options.folder, findings);
     else
       play_push(script, record, options.folder, findings);
   }

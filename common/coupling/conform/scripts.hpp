@@ -18,6 +18,7 @@ struct Options
   std::string only;
   bool verbose = false;
   std::string folder;               ///< where runs leave their findings
+  bool force_in = false;            ///< the program is at level A, as its HELLO says
   std::vector<std::string> program; ///< command of the program under test
 };
 
@@ -35,6 +36,9 @@ const std::vector<Script>& scripts();
 
 /// Exit code of the player when the program under test did not react to a wrong message in time.
 inline constexpr int not_noticed = 99;
+
+/// Left in the folder by a script that means nothing at the program's level; its end is not judged.
+inline constexpr const char* not_applicable = "not_applicable";
 
 /// Plays one script as world rank 0; findings go to `folder`/findings, one per line: "pass|FAIL|note <tab>
 /// clause <tab> text".
