@@ -60,14 +60,65 @@ GravouilCombescure::Start GravouilCombescure::activate(const std::array<Vector, 
 
   Start start;
   for (const Side s : both_sides)
-  {
-    start.impulse[s] = H_.force(s, Lambda);
-    start.link_force[s] = H_.force(s, lambda_);
-    v_[s] = v[s] + H_.acceleration(s, start.impulse[s]);
-    f_[s] = start.link_force[s];
-    impulse_[s] += resultant(start.impulse[s], dim_);
-  }
+    start_side(s, v[s], Lambda, start);
   return start;
+}
+
+/// Applies Λ and λ to one side.
+void GravouilCombescure::start_side(Side s, const Vector& v, const Vector& Lambda, Start& start)
+{
+  start.impulse[s] = H_.force(s, Lambda);
+  start.link_force[s] = H_.force(s, lambda_);
+  v_[s] = v + H_.acceleration(s, start.impulse[s]);
+  f_[s] = start.link_force[s];
+  impulse_[s] += resultant(start.impulse[s], dim_);
+}
+
+GravouilCombescure::Start GravouilCombescure::activate_prescribed(const Vector& v_fluid,
+                                                                  const Vector& a_free_fluid,
+                                                                  const Vector& v_solid)
+{
+  const Vector jump = H_.constraint(Side::fluid, v_fluid) + H_.constraint(Side::solid, v_solid);
+  const Vector Lambda = H_.solve(1.0, 0.0, -jump);
+  balance_.activation_loss -= 0.5 * Lambda.dot(jump);
+  lambda_ =
+      H_.solve(1.0, 0.0, -H_.constraint(Side::fluid, a_free_fluid)); // the solid's acceleration is not known
+  Start start;
+  start_side(Side::fluid, v_fluid, Lambda, start);
+  v_[Side::solid] = v_solid;
+  f_[Side::solid] = H_.force(Side::solid, lambda_);
+  return start;
+}
+
+void GravouilCombescure::advance_prescribed(double dt, Partner& fluid, const Vector& v_solid)
+{
+  Vector v_free(H_.n_dofs(Side::fluid));
+  fluid.receive_free_velocity(as_span(v_free));
+  const Vector lambda_begin = lambda_;
+  lambda_ =
+      H_.solve(0.5 * dt, 0.0, -(H_.constraint(Side::fluid, v_free) + H_.constraint(Side::solid, v_solid)));
+  const Vector f_link = H_.force(Side::fluid, lambda_);
+  fluid.send_link_force(as_span(f_link));
+  record_step(Side::solid, dt, v_solid, f_[Side::solid]); // it was driven by the force of the step before
+  // The solid gets the mean over the fluid's step: the fluid's impulse, and free of the part of λ that
+  // alternates from step to step where a velocity is prescribed. Fed back, that part would grow as (1 + 2q)ⁿ.
+  f_[Side::solid] = H_.force(Side::solid, 0.5 * (lambda_begin + lambda_));
+  record_step(Side::fluid, dt, v_free + 0.5 * dt * H_.acceleration(Side::fluid, f_link), f_link);
+  record_window();
+}
+
+double GravouilCombescure::added_mass_ratio()
+{
+  const SparseMatrix A_solid = H_.assemble(0.0, 1.0);
+  Vector x = Vector::LinSpaced(H_.n_multipliers(), 1.0, 2.0);
+  double q = 0.0;
+  for (int k = 0; k < 200 && x.norm() > 0.0; ++k) // power iteration: similar to a symmetric matrix
+  {
+    x /= x.norm();
+    x = H_.solve(1.0, 0.0, A_solid * x);
+    q = x.norm();
+  }
+  return q;
 }
 
 void GravouilCombescure::turn_operator(InterfaceOperator H)

@@ -73,6 +73,17 @@ public:
   /// One window. The partners are asked in the order of the scheme; the coarse side is served last.
   void advance(const WindowSteps& steps, Partner& fluid, Partner& solid);
 
+  /// For a solid that takes forces and returns velocities (level A), here as a body of infinite mass whose
+  /// velocity is given: the multiplier moves the fluid along.
+  /// Start: impulse and link force of the fluid; the solid's is minus it.
+  Start activate_prescribed(const Vector& v_fluid, const Vector& a_free_fluid, const Vector& v_solid);
+  /// One step `dt` of the fluid to the given velocity of the solid at its end. The force on the solid, for
+  /// its next step, is state().f[Side::solid].
+  void advance_prescribed(double dt, Partner& fluid, const Vector& v_solid);
+  /// Largest eigenvalue q of (L_f M_f⁻¹ L_fᵀ)⁻¹ (L_s M_s⁻¹ L_sᵀ): mass of the fluid over mass of the solid at
+  /// the interface, worst mode. Staggering is stable for q < 1 only: a wrong velocity comes back −q times.
+  double added_mass_ratio();
+
   /// All that a later window depends on: velocities and link forces of both sides at the last synchronised
   /// time.
   struct State
@@ -93,6 +104,7 @@ public:
 private:
   void record_step(Side side, double dt, const Vector& v_new, const Vector& f_new);
   void record_window();
+  void start_side(Side side, const Vector& v, const Vector& Lambda, Start& start);
 
   InterfaceOperator H_;
   int dim_;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 namespace undine::coupler
 {
@@ -24,6 +25,13 @@ InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid)
   for (Eigen::Index i = 0; i < n; ++i)
     free_row_[i] = d[i] > 1e-12 * largest;
 
+  std::vector<Eigen::Triplet<double>> held;
+  for (Eigen::Index i = 0; i < n; ++i)
+    if (!free_row_[i])
+      held.emplace_back(i, i, 1.0);
+  held_rows_.resize(n, n);
+  held_rows_.setFromTriplets(held.begin(), held.end());
+
   row_scale_ = side_[Side::solid].L.cwiseAbs() * Vector::Ones(side_[Side::solid].L.cols());
 }
 
@@ -39,11 +47,12 @@ double InterfaceOperator::largest_jump(const Vector& jump) const
 SparseMatrix InterfaceOperator::assemble(double alpha_fluid, double alpha_solid) const
 {
   SparseMatrix H = alpha_fluid * condensed_[Side::fluid] + alpha_solid * condensed_[Side::solid];
-  // A row without movable mass keeps its place in the pattern: identity there, zero elsewhere.
+  // A row without movable mass decouples and gets the identity, so that its multiplier is zero.
   for (Eigen::Index k = 0; k < H.outerSize(); ++k)
     for (SparseMatrix::InnerIterator it(H, k); it; ++it)
       if (!free_row_[it.row()] || !free_row_[it.col()])
-        it.valueRef() = it.row() == it.col() ? 1.0 : 0.0;
+        it.valueRef() = 0.0;
+  H += held_rows_;
   return H;
 }
 

@@ -61,7 +61,8 @@ private:
   std::array<InterfaceSide, 2> side_;
   std::array<SparseMatrix, 2> condensed_; ///< L M⁻¹ Lᵀ
   Eigen::Array<bool, Eigen::Dynamic, 1> free_row_;
-  Vector row_scale_; ///< row sums of |L_s|
+  SparseMatrix held_rows_; ///< identity on the rows that are not free
+  Vector row_scale_;       ///< row sums of |L_s|
   std::unique_ptr<Eigen::SimplicialLDLT<SparseMatrix>> factor_ =
       std::make_unique<Eigen::SimplicialLDLT<SparseMatrix>>();
   std::array<double, 2> factored_for_{0.0, 0.0};

@@ -4,6 +4,7 @@
 #include "common/program/program.hpp"
 #include "coupler/coupler_output.hpp"
 #include "coupler/run.hpp"
+#include "coupler/staggered.hpp"
 
 #include <fmt/format.h>
 
@@ -13,6 +14,23 @@ namespace
 {
 
 using namespace undine;
+
+/// The scheme of the case must be one that both participants can take part in.
+void require_level(const std::string& scheme, const link::World& world)
+{
+  const auto can = [&world](const char* role, std::uint64_t capability)
+  { return (world.capabilities_of(role) & capability) != 0; };
+  const std::string solid = "'solid' (" + world.solver_of("solid") + ")";
+  if (!can("fluid", link::capability::link))
+    throw InputError("'fluid' (" + world.solver_of("fluid") +
+                     ") does not give free velocities (level B); every scheme needs a fluid that does");
+  if (scheme == "gc" && !can("solid", link::capability::link))
+    throw InputError("coupling.scheme = \"gc\" needs a solid that gives free velocities (level B), but " +
+                     solid + " only takes forces (level A); write coupling.scheme = \"staggered\"");
+  if (scheme == "staggered" && !can("solid", link::capability::force_in))
+    throw InputError("coupling.scheme = \"staggered\" is for a solid that takes forces (level A), but " +
+                     solid + " gives free velocities (level B); write coupling.scheme = \"gc\"");
+}
 
 void start(Launch& launch)
 {
@@ -32,6 +50,7 @@ void start(Launch& launch)
     return;
   }
   const link::World world = launch.meet({"fluid", "solid"});
+  require_level(launch.coupling.scheme, world);
   const auto log = make_log(launch.output.dir, launch.role, false);
   link::PartnerLink fluid(world.channel("fluid"), "fluid"), solid(world.channel("solid"), "solid");
   log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"),
@@ -42,7 +61,8 @@ void start(Launch& launch)
   coupler::CouplerOutput output(launch.output, config);
   try
   {
-    const auto windows = coupler::run_coupler(
+    const auto run = launch.coupling.scheme == "gc" ? coupler::run_coupler : coupler::run_staggered;
+    const auto windows = run(
         config, fluid, solid,
         [&](const coupler::WindowRecord& r)
         {

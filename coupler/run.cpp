@@ -9,27 +9,71 @@
 namespace undine::coupler
 {
 
-namespace
-{
-
-/// A participant behind the protocol.
-class LinkedPartner : public Partner
-{
-public:
-  explicit LinkedPartner(link::PartnerLink& link) : link_(link) {}
-  void receive_free_velocity(std::span<double> v_free) override { link_.receive_free_velocity(v_free); }
-  void send_link_force(std::span<const double> f_link) override { link_.send_link_force(f_link); }
-
-private:
-  link::PartnerLink& link_;
-};
-
 Vector as_vector(const std::vector<double>& v)
 {
   return Eigen::Map<const Vector>(v.data(), static_cast<Eigen::Index>(v.size()));
 }
 
 std::vector<double> as_std(const Vector& v) { return {v.data(), v.data() + v.size()}; }
+
+std::pair<Interface, InterfaceOperator> exchange_surfaces(const CouplerConfig& config,
+                                                          const std::array<link::PartnerLink*, 2>& partner,
+                                                          const std::array<std::string, 2>& scheme)
+{
+  link::Setup setup{.dim = config.run.dim, .t_begin = config.run.t_begin, .t_end = config.run.t_end};
+  for (const auto& i : config.coupling.interfaces)
+    setup.interfaces.push_back(i.name);
+  for (const Side s : both_sides)
+  {
+    setup.scheme = scheme[s];
+    partner[s]->send_setup(setup);
+  }
+  auto fluid = partner[Side::fluid]->receive_mesh();
+  auto solid = partner[Side::solid]->receive_mesh();
+  Interface interface(config.coupling, std::move(fluid), std::move(solid));
+  try
+  {
+    InterfaceOperator H = interface.build();
+    return {std::move(interface), std::move(H)};
+  }
+  catch (const std::exception& error)
+  {
+    for (link::PartnerLink* p : partner)
+      p->reject_mesh(error.what());
+    throw;
+  }
+}
+
+bool frame_is_due(const CouplerConfig& config, const WindowPlanner::Plan& plan, std::int64_t frames)
+{
+  return plan.last || (config.frame_interval > 0.0 &&
+                       plan.t_end >= config.run.t_begin +
+                                         static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
+}
+
+bool renew_operator(Interface& interface, GravouilCombescure& gc,
+                    const std::array<link::PartnerLink*, 2>& partner,
+                    const std::array<link::Report, 2>& report)
+{
+  for (const Side s : both_sides)
+    if (report[s].surface_changed)
+      interface.replace_surface(s, partner[s]->receive_mesh_update());
+    else
+      interface.move(s, gc.travel(s));
+  const bool replaced = report[Side::fluid].surface_changed || report[Side::solid].surface_changed;
+  if (replaced)
+  {
+    for (const Side s : both_sides)
+      interface.fix_positions(s);
+    gc.replace_operator(interface.build());
+  }
+  else if (interface.has_deformed())
+    gc.turn_operator(interface.build());
+  return replaced;
+}
+
+namespace
+{
 
 /// Compatible velocities and accelerations on both sides; see GravouilCombescure::activate.
 void activate(GravouilCombescure& gc, const std::array<link::PartnerLink*, 2>& partner)
@@ -64,27 +108,7 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
                          const std::function<void(const WindowRecord&)>& after_window)
 {
   const std::array<link::PartnerLink*, 2> partner{&fluid, &solid};
-  link::Setup setup{.dim = config.run.dim,
-                    .t_begin = config.run.t_begin,
-                    .t_end = config.run.t_end,
-                    .scheme = config.coupling.scheme};
-  for (const auto& i : config.coupling.interfaces)
-    setup.interfaces.push_back(i.name);
-
-  for (link::PartnerLink* p : partner)
-    p->send_setup(setup);
-  Interface interface(config.coupling, fluid.receive_mesh(), solid.receive_mesh());
-  InterfaceOperator H;
-  try
-  {
-    H = interface.build();
-  }
-  catch (const std::exception& error)
-  {
-    for (link::PartnerLink* p : partner)
-      p->reject_mesh(error.what());
-    throw;
-  }
+  auto [interface, H] = exchange_surfaces(config, partner, {config.coupling.scheme, config.coupling.scheme});
   for (link::PartnerLink* p : partner)
     p->accept_mesh();
 
@@ -100,10 +124,7 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
   while (!planner.finished())
   {
     plan = planner.next(report[Side::fluid].stable_dt, report[Side::solid].stable_dt);
-    const bool frame_due =
-        plan.last || (config.frame_interval > 0.0 &&
-                      plan.t_end >= config.run.t_begin +
-                                        static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
+    const bool frame_due = frame_is_due(config, plan, frames);
     frames += frame_due;
     for (const Side s : both_sides)
       partner[s]->send_window({.index = plan.index,
@@ -125,20 +146,7 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
       report[s] = partner[s]->receive_report();
     after_window({plan, report[Side::fluid], report[Side::solid], gc, interface});
 
-    for (const Side s : both_sides)
-      if (report[s].surface_changed)
-        interface.replace_surface(s, partner[s]->receive_mesh_update());
-      else
-        interface.move(s, gc.travel(s));
-    start_compatibly = report[Side::fluid].surface_changed || report[Side::solid].surface_changed;
-    if (start_compatibly)
-    {
-      for (const Side s : both_sides)
-        interface.fix_positions(s);
-      gc.replace_operator(interface.build());
-    }
-    else if (interface.has_deformed())
-      gc.turn_operator(interface.build());
+    start_compatibly = renew_operator(interface, gc, partner, report);
     if (fluid.stop_requested() || solid.stop_requested())
       break;
   }

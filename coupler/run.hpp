@@ -8,7 +8,11 @@
 #include "coupler/interface.hpp"
 #include "coupler/window_planner.hpp"
 
+#include <array>
 #include <functional>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace undine::coupler
 {
@@ -31,6 +35,34 @@ struct WindowRecord
 };
 
 WindowRules rules_of(const CouplingConfig&);
+
+/// A participant behind the protocol.
+class LinkedPartner : public Partner
+{
+public:
+  explicit LinkedPartner(link::PartnerLink& link) : link_(link) {}
+  void receive_free_velocity(std::span<double> v_free) override { link_.receive_free_velocity(v_free); }
+  void send_link_force(std::span<const double> f_link) override { link_.send_link_force(f_link); }
+
+private:
+  link::PartnerLink& link_;
+};
+
+// Pieces of the loops of run_coupler and run_staggered.
+Vector as_vector(const std::vector<double>& v);
+std::vector<double> as_std(const Vector& v);
+/// SETUP to both, wet surfaces from both, the operator between them. What remains is accept_mesh or
+/// reject_mesh.
+std::pair<Interface, InterfaceOperator> exchange_surfaces(const CouplerConfig& config,
+                                                          const std::array<link::PartnerLink*, 2>& partner,
+                                                          const std::array<std::string, 2>& scheme);
+/// `frames`: written so far.
+bool frame_is_due(const CouplerConfig& config, const WindowPlanner::Plan& plan, std::int64_t frames);
+/// After a window: the surfaces move, or are replaced, and the operator with them.
+/// @returns true if the next window must start compatibly
+bool renew_operator(Interface& interface, GravouilCombescure& gc,
+                    const std::array<link::PartnerLink*, 2>& partner,
+                    const std::array<link::Report, 2>& report);
 
 /// Couple one fluid and one solid until t_end (or until a participant asks to stop). `after_window` is called
 /// at t = 0 too.

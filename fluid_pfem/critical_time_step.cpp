@@ -13,7 +13,8 @@ namespace undine::fluid
 namespace
 {
 
-/// |∂V_j/∂x_i| for one i and all its neighbours j (i itself included): V_e∇N_i/(dim+1) summed over the shared elements.
+/// |∂V_j/∂x_i| for one i and all its neighbours j (i itself included): V_e∇N_i/(dim+1) summed over the shared
+/// elements.
 template <int dim>
 class RowOfB
 {
@@ -152,7 +153,9 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
   return dt;
 }
 
-template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&, const ElementTermsConfig&, double);
-template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&, const ElementTermsConfig&, double);
+template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
+                                      const ElementTermsConfig&, double);
+template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
+                                      const ElementTermsConfig&, double);
 
 } // namespace undine::fluid

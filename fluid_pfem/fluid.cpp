@@ -97,7 +97,8 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
   }
   for (std::size_t i = 0; i < n && !config.initial_velocity.empty(); ++i)
     for (int k = 0; k < dim; ++k)
-      nodes_.v[i][k] = config.initial_velocity[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
+      nodes_.v[i][k] = config.initial_velocity[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
+                                                                            third(nodes_.x[i]), 0.0);
   triangulate();
 }
 
@@ -131,7 +132,8 @@ void Fluid<dim>::predict(double dt)
   if (!contact_.empty())
   {
     contact_.move_to(t_);
-    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_ > 0.0 ? dt_before_ : dt);
+    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a,
+                                   dt_before_ > 0.0 ? dt_before_ : dt);
     for (index_t n = 0; n < n_nodes; ++n)
       fastest = std::max(fastest, norm_squared(nodes_.v[static_cast<std::size_t>(n)]));
   }
@@ -146,10 +148,12 @@ template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
-  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(), nodes_, begin, end));
+  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(),
+                                               nodes_, begin, end));
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
-      nodes_.p[static_cast<std::size_t>(n)] = std::max(nodes_.p[static_cast<std::size_t>(n)], config_.least_pressure);
+      nodes_.p[static_cast<std::size_t>(n)] =
+          std::max(nodes_.p[static_cast<std::size_t>(n)], config_.least_pressure);
   if (!config_.surface_tension_allowed)
     for (index_t n = begin; n < end; ++n)
       if (nodes_.flag[static_cast<std::size_t>(n)] & on_free_surface)
@@ -172,7 +176,8 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
   {
     const auto i = static_cast<std::size_t>(n);
     for (int k = 0; k < dim; ++k)
-      terms_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), t_);
+      terms_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
+                                                                          third(nodes_.x[i]), t_);
     nodes_.a[i] += terms_.body[i];
   }
 }
@@ -213,7 +218,8 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
   ++steps_since_remesh_;
 }
 
-/// m and M follow the stabilising flux; m also follows M, so that what remeshing did to the density field heals.
+/// m and M follow the stabilising flux; m also follows M, so that what remeshing did to the density field
+/// heals.
 template <int dim>
 void Fluid<dim>::exchange_mass(double dt)
 {
@@ -284,7 +290,8 @@ void Fluid<dim>::constrain(Vec<dim>& w, index_t n) const
 template <int dim>
 Vec<dim> Fluid<dim>::gravity() const
 {
-  const double ramp = config_.gravity_ramp > t_ ? 0.5 * (1.0 - std::cos(std::acos(-1.0) * t_ / config_.gravity_ramp)) : 1.0;
+  const double ramp =
+      config_.gravity_ramp > t_ ? 0.5 * (1.0 - std::cos(std::acos(-1.0) * t_ / config_.gravity_ramp)) : 1.0;
   return ramp * leading<dim>(config_.gravity);
 }
 
@@ -313,7 +320,8 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms, config_.inertia_floor * regular_mass());
+  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
+                                                              config_.inertia_floor * regular_mass());
 }
 
 template <int dim>
@@ -351,7 +359,8 @@ void Fluid<dim>::remesh()
     const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
     nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
   }
-  const SpacingReport spacing = refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
+  const SpacingReport spacing =
+      refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, delaunay(nodes_.x), old, config_.remesh.shape);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
@@ -391,7 +400,8 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
-  // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes must come first.
+  // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
+  // must come first.
   constexpr std::int64_t order_every = 25;
   if (wet_mask_ != 0 || ledger_.remeshes % order_every == 0)
     order_nodes(elements);
@@ -419,7 +429,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
       nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : config_.inertia_floor * regular_mass();
     }
     else // the inverse of update_density_and_pressure, completed nodes included
-      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) * std::max(0.0, least_volume - nodes_.V[i]);
+      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i] +
+                    (nodes_.rho[i] - config_.tait.rho0) * std::max(0.0, least_volume - nodes_.V[i]);
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
     nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
   }
@@ -428,7 +439,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   e_wet_ = 0;
   while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
     ++e_wet_; // elements are sorted by their smallest node
-  // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry half a kick into it.
+  // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
+  // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v;
   for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
@@ -461,7 +473,8 @@ void Fluid<dim>::flag_nodes()
     const auto i = static_cast<std::size_t>(n);
     const bool wall = pieces[i][0] >= 0 || (nodes_.surface[i] & wall_mask_);
     const bool alone = mesh_.isolated(n);
-    nodes_.flag[i] = static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
+    nodes_.flag[i] =
+        static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
     nodes_.alone[i] = alone ? static_cast<std::uint8_t>(std::min(nodes_.alone[i] + 1, 255)) : 0;
   }
   for (const auto& facet : mesh_.boundary)
@@ -476,9 +489,11 @@ void Fluid<dim>::flag_nodes()
         if (std::find(p.begin(), p.end(), piece) == p.end())
           piece = -1;
     }
-    const bool bound = surface != 0 || std::any_of(shared.begin(), shared.end(), [](int piece) { return piece >= 0; });
+    const bool bound =
+        surface != 0 || std::any_of(shared.begin(), shared.end(), [](int piece) { return piece >= 0; });
     for (const index_t n : facet)
-      nodes_.flag[static_cast<std::size_t>(n)] |= static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
+      nodes_.flag[static_cast<std::size_t>(n)] |=
+          static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
   }
 }
 
@@ -516,8 +531,9 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
       n = new_number[static_cast<std::size_t>(n)];
 }
 
-/// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet fluid leaves no defect. Only
-/// volume that was created or dropped by decision is a defect M − m. Before the new m are known, M is taken down to the defect …
+/// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet
+/// fluid leaves no defect. Only volume that was created or dropped by decision is a defect M − m. Before the
+/// new m are known, M is taken down to the defect …
 template <int dim>
 void Fluid<dim>::release_mass(const ShapeChoice<dim>& choice)
 {
@@ -530,7 +546,8 @@ void Fluid<dim>::release_mass(const ShapeChoice<dim>& choice)
       nodes_.M[n] -= nodes_.m[n] + nodes_.rho[n] * choice.gained[n];
 }
 
-/// … and afterwards built up from the new m. What the centroid rule has misjudged is settled on the free surface, so that ΣM is exact.
+/// … and afterwards built up from the new m. What the centroid rule has misjudged is settled on the free
+/// surface, so that ΣM is exact.
 template <int dim>
 void Fluid<dim>::settle_mass(double particle_mass)
 {
@@ -563,7 +580,8 @@ void Fluid<dim>::smooth_mass_defect()
           const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
           const double wanted = share * ((nodes_.M[i] - nodes_.m[i]) - (nodes_.M[j] - nodes_.m[j]));
           // A small node must not be emptied.
-          const double flux = std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
+          const double flux =
+              std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
           nodes_.M[i] -= flux;
           nodes_.M[j] += flux;
         }

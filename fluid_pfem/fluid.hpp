@@ -42,8 +42,8 @@ struct RemeshLedger
 /// Mass by state. Particle mass is conserved to round-off: meshed + flying + deleted.
 struct FluidMass
 {
-  double meshed = 0.0;  ///< Σ M of nodes in elements [kg]
-  double flying = 0.0;  ///< Σ M of isolated nodes
+  double meshed = 0.0; ///< Σ M of nodes in elements [kg]
+  double flying = 0.0; ///< Σ M of isolated nodes
   double deleted = 0.0;
   double dynamic = 0.0; ///< Σ m of nodes in elements
   double volume = 0.0;  ///< of the elements [m^dim]

@@ -14,11 +14,13 @@ Tait read_tait(const CaseTable& t)
   Tait tait;
   tait.rho0 = t.number({"density", "kg/m^3", "reference density rho0 of Eq. (3)"}, positive());
   tait.gamma = t.number({"tait_exponent", "", "exponent of Eq. (3)"}, 7.0, at_least(1.0));
-  const std::string reading = t.choice({"tait_reading", "",
-                                        "K_over_gamma: p = p0 + K/gamma [(rho/rho0)^gamma - 1], K is the bulk modulus; K: as the "
-                                        "paper prints it"},
-                                       "K_over_gamma", {"K_over_gamma", "K"});
-  const auto c = t.optional_number({"sound_speed", "m/s", "sound speed at rho0, instead of bulk_modulus"}, positive());
+  const std::string reading =
+      t.choice({"tait_reading", "",
+                "K_over_gamma: p = p0 + K/gamma [(rho/rho0)^gamma - 1], K is the bulk modulus; K: as the "
+                "paper prints it"},
+               "K_over_gamma", {"K_over_gamma", "K"});
+  const auto c =
+      t.optional_number({"sound_speed", "m/s", "sound speed at rho0, instead of bulk_modulus"}, positive());
   if (c && t.has("bulk_modulus"))
     t.fail("sound_speed", "give either bulk_modulus or sound_speed, not both");
   if (c)
@@ -36,7 +38,8 @@ std::vector<Expression> formulas(const CaseTable& t, const Key& key, std::size_t
 {
   const auto texts = t.texts(key, {});
   if (!texts.empty() && texts.size() != dim)
-    t.fail(key.name, "needs " + std::to_string(dim) + " formulas, one per component, e.g. [\"0\", \"-9.81\"]");
+    t.fail(key.name,
+           "needs " + std::to_string(dim) + " formulas, one per component, e.g. [\"0\", \"-9.81\"]");
   std::vector<Expression> result;
   for (std::size_t i = 0; i < texts.size(); ++i)
     result.emplace_back(texts[i], t.path() + "." + std::string(key.name) + "[" + std::to_string(i) + "]");
@@ -45,42 +48,58 @@ std::vector<Expression> formulas(const CaseTable& t, const Key& key, std::size_t
 
 void read_terms(const CaseTable& t, bool impact, FluidConfig& config)
 {
-  config.terms.mu = t.number({"viscosity", "Pa s", "dynamic viscosity; 0 skips the viscous terms"}, 0.0, non_negative());
-  config.terms.bulk_linear = t.number({"bulk_viscosity_linear", "", "b1 of the element bulk viscosity, damps grid-scale sound"},
-                                      impact ? 0.06 : 0.05, non_negative());
-  config.terms.bulk_quadratic = t.number({"bulk_viscosity_quadratic", "", "b2 of the element bulk viscosity, acts in compression only"},
-                                         impact ? 1.2 : 0.0, non_negative());
-  config.terms.residual = t.number({"residual_stabilisation", "", "alpha of the residual-based mass exchange that removes pressure noise"},
-                                   0.1, between(0.0, 1.0));
-  config.terms.residual_with_acceleration =
-      t.boolean({"residual_with_acceleration", "", "include the acceleration in the residual; not near moving walls"}, !impact);
-  config.feedback_time = t.number({"mass_feedback_time", "", "relaxation time of the mass-defect feedback in units of h/c; 0: off"},
-                                  impact ? 0.0 : 100.0, non_negative());
-  config.least_pressure = t.number({"cavitation_pressure", "Pa", "pressure is not allowed below this"}, -1e300, any_number());
-  config.surface_tension_allowed =
-      t.boolean({"surface_tension", "", "nodes of the free surface may be in tension; false: p >= 0 there"}, !impact);
+  config.terms.mu =
+      t.number({"viscosity", "Pa s", "dynamic viscosity; 0 skips the viscous terms"}, 0.0, non_negative());
+  config.terms.bulk_linear =
+      t.number({"bulk_viscosity_linear", "", "b1 of the element bulk viscosity, damps grid-scale sound"},
+               impact ? 0.06 : 0.05, non_negative());
+  config.terms.bulk_quadratic =
+      t.number({"bulk_viscosity_quadratic", "", "b2 of the element bulk viscosity, acts in compression only"},
+               impact ? 1.2 : 0.0, non_negative());
+  config.terms.residual = t.number(
+      {"residual_stabilisation", "", "alpha of the residual-based mass exchange that removes pressure noise"},
+      0.1, between(0.0, 1.0));
+  config.terms.residual_with_acceleration = t.boolean(
+      {"residual_with_acceleration", "", "include the acceleration in the residual; not near moving walls"},
+      !impact);
+  config.feedback_time = t.number(
+      {"mass_feedback_time", "", "relaxation time of the mass-defect feedback in units of h/c; 0: off"},
+      impact ? 0.0 : 100.0, non_negative());
+  config.least_pressure =
+      t.number({"cavitation_pressure", "Pa", "pressure is not allowed below this"}, -1e300, any_number());
+  config.surface_tension_allowed = t.boolean(
+      {"surface_tension", "", "nodes of the free surface may be in tension; false: p >= 0 there"}, !impact);
 }
 
-/// [[fluid.wall]]: either `on` a surface of the box for ever, or a polyline or plane that the fluid may meet and leave.
+/// [[fluid.wall]]: either `on` a surface of the box for ever, or a polyline or plane that the fluid may meet
+/// and leave.
 void read_walls(const CaseTable& t, int dim, FluidConfig& config)
 {
   const auto n = static_cast<std::size_t>(dim);
-  for (const CaseTable& w : t.tables("wall", "A rigid wall: a surface of the box for ever (on), or a polyline or plane that the "
-                                             "fluid may meet and leave; surfaces not named are free."))
+  for (const CaseTable& w :
+       t.tables("wall", "A rigid wall: a surface of the box for ever (on), or a polyline or plane that the "
+                        "fluid may meet and leave; surfaces not named are free."))
   {
-    const auto on = w.optional_text({"on", "", "surface of the box that is this wall for ever: left right bottom top (back front)"});
-    const bool slip = w.choice({"kind", "", "slip or no_slip (no_slip only with on)"}, "slip", {"slip", "no_slip"}) == "slip";
+    const auto on = w.optional_text(
+        {"on", "", "surface of the box that is this wall for ever: left right bottom top (back front)"});
+    const bool slip = w.choice({"kind", "", "slip or no_slip (no_slip only with on)"}, "slip",
+                               {"slip", "no_slip"}) == "slip";
     WallGeometry g;
     g.name = w.text({"name", "", "of the wall in histories and messages"}, on ? *on : "wall");
-    const auto flat = w.numbers({"points", "m", "2-D: corners x0, y0, x1, y1, ... of a polyline with the fluid on its left"}, 0, {},
-                                any_number());
+    const auto flat = w.numbers(
+        {"points", "m", "2-D: corners x0, y0, x1, y1, ... of a polyline with the fluid on its left"}, 0, {},
+        any_number());
     g.closed = w.boolean({"closed", "", "join the last point to the first"}, false);
-    const auto point = w.numbers({"point", "m", "a point of an unbounded plane"}, w.has("point") ? n : 0, {}, any_number());
-    const auto normal = w.numbers({"normal", "", "normal of the plane, into the fluid"}, w.has("normal") ? n : 0, {}, any_number());
+    const auto point =
+        w.numbers({"point", "m", "a point of an unbounded plane"}, w.has("point") ? n : 0, {}, any_number());
+    const auto normal = w.numbers({"normal", "", "normal of the plane, into the fluid"},
+                                  w.has("normal") ? n : 0, {}, any_number());
     g.motion.displacement = formulas(w, {"displacement", "m", "motion of the wall as functions of t"}, n);
-    if (const auto angle = w.optional_text({"angle", "rad", "rotation of the wall about the z axis through centre, a function of t"}))
+    if (const auto angle = w.optional_text(
+            {"angle", "rad", "rotation of the wall about the z axis through centre, a function of t"}))
       g.motion.angle = Expression(*angle, w.path() + ".angle");
-    const auto centre = w.numbers({"centre", "m", "of the rotation"}, n, std::vector<double>(n, 0.0), any_number());
+    const auto centre =
+        w.numbers({"centre", "m", "of the rotation"}, n, std::vector<double>(n, 0.0), any_number());
     std::copy(centre.begin(), centre.end(), g.motion.centre.begin());
     if (on)
     {
@@ -101,7 +120,8 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
     else if (!flat.empty())
     {
       if (dim != 2 || flat.size() % 2 != 0 || flat.size() < 4)
-        w.fail("points", "must be x, y pairs of at least two corners, in a 2-D case; in 3-D give point and normal");
+        w.fail("points",
+               "must be x, y pairs of at least two corners, in a 2-D case; in 3-D give point and normal");
       for (std::size_t k = 0; k < flat.size(); k += 2)
         g.points.push_back({flat[k], flat[k + 1], 0.0});
     }
@@ -113,28 +133,40 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
 
 void read_remeshing(const CaseTable& t, bool impact, RemeshConfig& remesh)
 {
-  remesh.alpha = t.number({"alpha", "", "of the first mesh: a simplex is fluid if its circumradius is at most alpha times the spacing"},
-                          1.3, between(0.6, 3.0));
-  remesh.shape.keep = t.number({"alpha_keep", "", "what was fluid stays fluid up to this circumradius over the spacing"}, 1.5,
-                               between(0.6, 4.0));
-  remesh.shape.create = t.number({"alpha_create", "", "what was not fluid becomes fluid below this circumradius over the spacing"}, 0.8,
-                                 between(0.0, 4.0));
-  remesh.shape.gap = t.number({"contact_gap", "", "> 0: instead, a closing gap becomes fluid below this height over the spacing"},
-                              0.2, between(0.0, 1.0));
-  remesh.shape.sliver_quality = t.number({"sliver_quality", "", "flat elements of boundary nodes are dropped below this shape"}, 0.15,
-                                         between(0.0, 0.6));
-  remesh.spacing.merge = t.number({"merge", "", "edges shorter than this over the spacing lose a node"}, impact ? 0.30 : 0.45,
-                                  between(0.0, 0.9));
-  remesh.spacing.split = t.number({"split", "", "inner edges longer than this over the spacing get a node"}, 1.7, between(1.2, 10.0));
-  remesh.spacing.split_wall = t.number({"split_wall", "", "the same for edges on walls"}, 1.6, between(1.2, 10.0));
-  remesh.quality = t.number({"remesh_quality", "",
-                             "remesh when the shape of an element falls below this (1 is regular) and below 0.6 of what it was"},
-                            impact ? 0.3 : 0.5, between(0.0, 0.95));
-  remesh.every = t.integer({"remesh_every", "", "remesh after so many steps if nodes have moved against each other; 0: no cap"},
-                           impact ? 10 : 20, at_least(0));
-  remesh.only_if_moved = t.boolean({"remesh_only_if_moved", "", "false: remesh_every holds even if nodes have only moved together"}, true);
+  remesh.alpha = t.number(
+      {"alpha", "",
+       "of the first mesh: a simplex is fluid if its circumradius is at most alpha times the spacing"},
+      1.3, between(0.6, 3.0));
+  remesh.shape.keep =
+      t.number({"alpha_keep", "", "what was fluid stays fluid up to this circumradius over the spacing"}, 1.5,
+               between(0.6, 4.0));
+  remesh.shape.create = t.number(
+      {"alpha_create", "", "what was not fluid becomes fluid below this circumradius over the spacing"}, 0.8,
+      between(0.0, 4.0));
+  remesh.shape.gap = t.number(
+      {"contact_gap", "", "> 0: instead, a closing gap becomes fluid below this height over the spacing"},
+      0.2, between(0.0, 1.0));
+  remesh.shape.sliver_quality =
+      t.number({"sliver_quality", "", "flat elements of boundary nodes are dropped below this shape"}, 0.15,
+               between(0.0, 0.6));
+  remesh.spacing.merge = t.number({"merge", "", "edges shorter than this over the spacing lose a node"},
+                                  impact ? 0.30 : 0.45, between(0.0, 0.9));
+  remesh.spacing.split = t.number({"split", "", "inner edges longer than this over the spacing get a node"},
+                                  1.7, between(1.2, 10.0));
+  remesh.spacing.split_wall =
+      t.number({"split_wall", "", "the same for edges on walls"}, 1.6, between(1.2, 10.0));
+  remesh.quality = t.number(
+      {"remesh_quality", "",
+       "remesh when the shape of an element falls below this (1 is regular) and below 0.6 of what it was"},
+      impact ? 0.3 : 0.5, between(0.0, 0.95));
+  remesh.every = t.integer(
+      {"remesh_every", "", "remesh after so many steps if nodes have moved against each other; 0: no cap"},
+      impact ? 10 : 20, at_least(0));
+  remesh.only_if_moved = t.boolean(
+      {"remesh_only_if_moved", "", "false: remesh_every holds even if nodes have only moved together"}, true);
   remesh.delete_isolated_after = static_cast<int>(t.integer(
-      {"delete_isolated_after", "", "remeshes after which an isolated node is deleted and booked; 0: never"}, impact ? 2 : 0, between(0, 200)));
+      {"delete_isolated_after", "", "remeshes after which an isolated node is deleted and booked; 0: never"},
+      impact ? 2 : 0, between(0, 200)));
 }
 
 } // namespace
@@ -149,14 +181,19 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
   config.tait = read_tait(t);
   read_terms(t, impact, config);
 
-  const auto gravity = t.numbers({"gravity", "m/s^2", "body force per mass"}, dim, std::vector<double>(dim, 0.0), any_number());
-  const auto origin = t.numbers({"origin", "m", "lowest corner of the box of fluid"}, dim, std::vector<double>(dim, 0.0), any_number());
+  const auto gravity = t.numbers({"gravity", "m/s^2", "body force per mass"}, dim,
+                                 std::vector<double>(dim, 0.0), any_number());
+  const auto origin = t.numbers({"origin", "m", "lowest corner of the box of fluid"}, dim,
+                                std::vector<double>(dim, 0.0), any_number());
   std::copy(gravity.begin(), gravity.end(), config.gravity.begin());
   std::copy(origin.begin(), origin.end(), config.origin.begin());
-  config.gravity_ramp = t.number({"gravity_ramp", "s", "gravity grows smoothly over this time"}, 0.0, non_negative());
-  config.body_force = formulas(t, {"body_force", "m/s^2", "force per mass as functions of x, y, z, t, added to gravity"}, dim);
+  config.gravity_ramp =
+      t.number({"gravity_ramp", "s", "gravity grows smoothly over this time"}, 0.0, non_negative());
+  config.body_force = formulas(
+      t, {"body_force", "m/s^2", "force per mass as functions of x, y, z, t, added to gravity"}, dim);
   config.initial_velocity = formulas(t, {"initial_velocity", "m/s", "functions of x, y, z"}, dim);
-  config.shape = t.choice({"shape", "", "the first body of fluid: a box, or the ellipse inscribed in it"}, "box", {"box", "ellipse"}) == "box"
+  config.shape = t.choice({"shape", "", "the first body of fluid: a box, or the ellipse inscribed in it"},
+                          "box", {"box", "ellipse"}) == "box"
                      ? Shape::box
                      : Shape::ellipse;
   config.size[0] = t.number({"width", "m", "extent of the box along x"}, positive());
@@ -164,30 +201,39 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
   if (run.dim == 3)
     config.size[2] = t.number({"depth", "m", "extent of the box along z"}, positive());
 
-  const double factor = t.number({"size_factor", "", "spacing of fluid nodes over the run's element size"}, 1.0, positive());
-  config.element_size = t.number({"element_size", "m", "spacing of fluid nodes; default: size_factor times the run's element size"},
-                                 factor * run.element_size(), positive());
+  const double factor =
+      t.number({"size_factor", "", "spacing of fluid nodes over the run's element size"}, 1.0, positive());
+  config.element_size = t.number(
+      {"element_size", "m", "spacing of fluid nodes; default: size_factor times the run's element size"},
+      factor * run.element_size(), positive());
   const double smallest = *std::min_element(config.size.begin(), config.size.begin() + run.dim);
   if (config.element_size > smallest)
     t.fail(t.has("element_size") ? "element_size" : "size_factor",
-           "the spacing of fluid nodes is larger than the smallest extent of the box; refine run.resolution or element_size");
-  config.seeding.pattern = t.choice({"seeding", "", "arrangement of the first nodes"}, "staggered", {"staggered", "lattice"}) == "staggered"
+           "the spacing of fluid nodes is larger than the smallest extent of the box; refine run.resolution "
+           "or element_size");
+  config.seeding.pattern = t.choice({"seeding", "", "arrangement of the first nodes"}, "staggered",
+                                    {"staggered", "lattice"}) == "staggered"
                                ? Pattern::staggered
                                : Pattern::lattice;
   config.seeding.jitter =
-      t.number({"jitter", "", "random displacement of inner nodes at the start, fraction of the spacing"}, 0.0, between(0.0, 0.4));
-  config.seeding.seed = static_cast<std::uint64_t>(t.integer({"seed", "", "of the random displacement"}, 1, at_least(0)));
-  config.initial_pressure = t.choice({"initial_pressure", "", "zero: rho = rho0; hydrostatic: at rest under gravity"}, "zero",
-                                     {"zero", "hydrostatic"}) == "zero"
-                                ? InitialPressure::zero
-                                : InitialPressure::hydrostatic;
+      t.number({"jitter", "", "random displacement of inner nodes at the start, fraction of the spacing"},
+               0.0, between(0.0, 0.4));
+  config.seeding.seed =
+      static_cast<std::uint64_t>(t.integer({"seed", "", "of the random displacement"}, 1, at_least(0)));
+  config.initial_pressure =
+      t.choice({"initial_pressure", "", "zero: rho = rho0; hydrostatic: at rest under gravity"}, "zero",
+               {"zero", "hydrostatic"}) == "zero"
+          ? InitialPressure::zero
+          : InitialPressure::hydrostatic;
   read_walls(t, run.dim, config);
   for (const auto& i : coupling.interfaces)
     config.interfaces.emplace_back(i.name, i.fluid);
   read_remeshing(t, impact, config.remesh);
   config.inertia_floor =
-      t.number({"inertia_floor", "", "least mass in Newton's law over that of a regular node"}, 0.1, between(0.0, 1.0));
-  config.step_safety = t.number({"step_safety", "", "fraction of the rigorous bound on the time step"}, 0.9, between(0.01, 2.0));
+      t.number({"inertia_floor", "", "least mass in Newton's law over that of a regular node"}, 0.1,
+               between(0.0, 1.0));
+  config.step_safety = t.number({"step_safety", "", "fraction of the rigorous bound on the time step"}, 0.9,
+                                between(0.01, 2.0));
   return config;
 }
 

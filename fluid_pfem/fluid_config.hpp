@@ -3,8 +3,8 @@
 
 #include "common/config/case_file.hpp"
 #include "common/config/coupling_config.hpp"
-#include "common/config/run_config.hpp"
 #include "common/config/expression.hpp"
+#include "common/config/run_config.hpp"
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
@@ -62,12 +62,14 @@ enum class InitialPressure
 /// When to remesh and what becomes of isolated nodes.
 struct RemeshConfig
 {
-  double alpha = 1.3;            ///< of the first mesh: a simplex is fluid if its circumradius is at most alpha · spacing
-  ShapeRules shape;              ///< of all later ones
+  double alpha =
+      1.3;          ///< of the first mesh: a simplex is fluid if its circumradius is at most alpha · spacing
+  ShapeRules shape; ///< of all later ones
   SpacingRules spacing;
-  double quality = 0.5;          ///< remesh when an element's shape falls below this (1: regular) and below 0.6 of what it was …
-  std::int64_t every = 20;       ///< … or after so many steps if nodes have moved against each other; 0: no cap
-  bool only_if_moved = true;     ///< false: the cap holds even if nodes have only moved together
+  double quality =
+      0.5; ///< remesh when an element's shape falls below this (1: regular) and below 0.6 of what it was …
+  std::int64_t every = 20;   ///< … or after so many steps if nodes have moved against each other; 0: no cap
+  bool only_if_moved = true; ///< false: the cap holds even if nodes have only moved together
   int delete_isolated_after = 0; ///< remeshes; 0: isolated nodes fly for ever
 };
 
@@ -76,25 +78,25 @@ struct FluidConfig
   int dim = 2;
   Tait tait;
   ElementTermsConfig terms;
-  double feedback_time = 0.0;           ///< T_r of the mass-defect feedback in units of h/c; 0: off
-  double least_pressure = -1e300;       ///< cavitation cut-off [Pa]
-  bool surface_tension_allowed = true;  ///< false: p ≥ 0 at nodes of the free surface
-  std::array<double, 3> gravity{};      ///< [m/s²]
-  double gravity_ramp = 0.0;            ///< gravity grows smoothly to its value over this time [s]
-  std::vector<Expression> body_force;   ///< [m/s²], functions of x, y, z, t, added to gravity; empty or dim
+  double feedback_time = 0.0;          ///< T_r of the mass-defect feedback in units of h/c; 0: off
+  double least_pressure = -1e300;      ///< cavitation cut-off [Pa]
+  bool surface_tension_allowed = true; ///< false: p ≥ 0 at nodes of the free surface
+  std::array<double, 3> gravity{};     ///< [m/s²]
+  double gravity_ramp = 0.0;           ///< gravity grows smoothly to its value over this time [s]
+  std::vector<Expression> body_force;  ///< [m/s²], functions of x, y, z, t, added to gravity; empty or dim
   std::vector<Expression> initial_velocity; ///< [m/s], functions of x, y, z; empty or dim
   Shape shape = Shape::box;
-  std::array<double, 3> origin{};       ///< lowest corner of the box [m]
-  std::array<double, 3> size{};         ///< [m]
-  double element_size = 0.0;            ///< wanted spacing of nodes [m]
+  std::array<double, 3> origin{}; ///< lowest corner of the box [m]
+  std::array<double, 3> size{};   ///< [m]
+  double element_size = 0.0;      ///< wanted spacing of nodes [m]
   Seeding seeding;
   InitialPressure initial_pressure = InitialPressure::zero;
   std::vector<WallConfig> walls;
-  std::vector<WallGeometry> contact_walls; ///< walls that the fluid may meet and leave
+  std::vector<WallGeometry> contact_walls;                     ///< walls that the fluid may meet and leave
   std::vector<std::pair<std::string, std::string>> interfaces; ///< (interface, surface)
   RemeshConfig remesh;
-  double inertia_floor = 0.0;           ///< least mass in Newton's law, fraction of a regular node's
-  double step_safety = 0.9;             ///< of the rigorous step bound
+  double inertia_floor = 0.0; ///< least mass in Newton's law, fraction of a regular node's
+  double step_safety = 0.9;   ///< of the rigorous step bound
 };
 
 /// @throws InputError

@@ -27,13 +27,15 @@ Simplex<dim> canonical(const Simplex<dim>& e)
   return c;
 }
 
-/// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as that is possible.
+/// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as
+/// that is possible.
 void chain(std::span<FanEntry<2>> fan)
 {
   // An open fan begins where no other entry ends.
   for (std::size_t k = 0; k < fan.size(); ++k)
   {
-    const bool follows = std::any_of(fan.begin(), fan.end(), [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
+    const bool follows = std::any_of(fan.begin(), fan.end(),
+                                     [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
     if (!follows)
     {
       std::swap(fan[0], fan[k]);
@@ -49,8 +51,8 @@ void chain(std::span<FanEntry<2>> fan)
       }
 }
 
-/// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where it begins; in space facets
-/// are matched by sorting.
+/// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where
+/// it begins; in space facets are matched by sorting.
 template <int dim>
 std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
 {
@@ -63,10 +65,12 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
       const auto fan = mesh.fan(n);
       for (std::size_t k = 0; k < fan.size(); ++k)
       {
-        const std::size_t before = k == 0 ? fan.size() - 1 : k - 1; // chained fans: the neighbour is mostly here
+        const std::size_t before =
+            k == 0 ? fan.size() - 1 : k - 1; // chained fans: the neighbour is mostly here
         const bool has_neighbour =
             fan[before].opposite[1] == fan[k].opposite[0] ||
-            std::any_of(fan.begin(), fan.end(), [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
+            std::any_of(fan.begin(), fan.end(),
+                        [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
         if (!has_neighbour)
           boundary.push_back({n, fan[k].opposite[0]});
       }
@@ -127,7 +131,8 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
       FanEntry<dim> entry{.element = e, .opposite = {}};
       for (std::size_t k = 0; k < dim; ++k)
         entry.opposite[k] = nodes[static_cast<std::size_t>(order[k + 1])];
-      mesh.fans[static_cast<std::size_t>(next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
+      mesh.fans[static_cast<std::size_t>(
+          next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
     }
   }
   if constexpr (dim == 2)

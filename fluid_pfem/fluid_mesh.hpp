@@ -32,7 +32,7 @@ struct FluidMesh
       elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
   std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
   std::vector<index_t> fan_begin;   ///< size n_nodes + 1
-  std::vector<FanEntry<dim>> fans;     ///< in the plane counter-clockwise around each node
+  std::vector<FanEntry<dim>> fans;  ///< in the plane counter-clockwise around each node
 
   std::span<const FanEntry<dim>> fan(index_t n) const
   {

@@ -25,20 +25,21 @@ enum NodeFlag : std::uint8_t
 template <int dim>
 struct FluidNodes
 {
-  std::vector<Vec<dim>> x;          ///< position [m]
-  std::vector<Vec<dim>> v;          ///< velocity [m/s]
-  std::vector<Vec<dim>> a;          ///< acceleration, link included [m/s²]
-  std::vector<double> m;            ///< mass of the density field, m = ρV [kg], per unit thickness in 2-D
-  std::vector<double> M;            ///< particle mass: conserved to round-off, moved only by exchange between nodes [kg]
-  std::vector<double> inertia;      ///< mass of Newton's law: m, but not below a fraction of a regular node's; wet nodes: as told to the coupler [kg]
-  std::vector<double> rho;          ///< density [kg/m³]
-  std::vector<double> p;            ///< pressure [Pa]
-  std::vector<double> V;            ///< nodal volume [m^dim]
-  std::vector<double> h;            ///< wanted spacing [m]
+  std::vector<Vec<dim>> x; ///< position [m]
+  std::vector<Vec<dim>> v; ///< velocity [m/s]
+  std::vector<Vec<dim>> a; ///< acceleration, link included [m/s²]
+  std::vector<double> m;   ///< mass of the density field, m = ρV [kg], per unit thickness in 2-D
+  std::vector<double> M; ///< particle mass: conserved to round-off, moved only by exchange between nodes [kg]
+  std::vector<double> inertia; ///< mass of Newton's law: m, but not below a fraction of a regular node's; wet
+                               ///< nodes: as told to the coupler [kg]
+  std::vector<double> rho;     ///< density [kg/m³]
+  std::vector<double> p;       ///< pressure [Pa]
+  std::vector<double> V;       ///< nodal volume [m^dim]
+  std::vector<double> h;       ///< wanted spacing [m]
   std::vector<SurfaceMask> surface; ///< named surfaces the node lies on
   std::vector<global_index_t> id;   ///< for ever
-  std::vector<std::uint8_t> flag;     ///< NodeFlag
-  std::vector<std::uint8_t> alone;    ///< remeshes it has been isolated for
+  std::vector<std::uint8_t> flag;   ///< NodeFlag
+  std::vector<std::uint8_t> alone;  ///< remeshes it has been isolated for
 
   index_t size() const { return static_cast<index_t>(x.size()); }
 

@@ -80,7 +80,8 @@ double hydrostatic_error(const Fluid<dim>& fluid, double highest)
   return scale > 0.0 ? std::sqrt(error / scale) : 0.0;
 }
 
-/// Highest boundary facet above the point's horizontal position; in space the nearest boundary node within one spacing.
+/// Highest boundary facet above the point's horizontal position; in space the nearest boundary node within
+/// one spacing.
 template <int dim>
 double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
 {
@@ -97,7 +98,8 @@ double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
     }
     else
       for (const index_t n : facet)
-        if (const auto& p = x[static_cast<std::size_t>(n)]; std::hypot(p[0] - point[0], p[2] - point[2]) < fluid.config().element_size)
+        if (const auto& p = x[static_cast<std::size_t>(n)];
+            std::hypot(p[0] - point[0], p[2] - point[2]) < fluid.config().element_size)
           highest = std::max(highest, p[1]);
   return highest;
 }
@@ -109,17 +111,19 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
                               const Fluid<dim>& fluid)
     : config_(output), frames_(output.dir, "fluid"),
       energy_(output.dir, "fluid_energy",
-              fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + dissipated - interface_work - wall_work - "
+              fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
+                          "dissipated - interface_work - wall_work - "
                           "remesh_gain - remesh_loss changes only by what the stabilisation moves",
                           dim == 2 ? " per metre of depth" : ""),
-              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]", "remesh_loss[J]", "wall_work[J]",
-               "interface_work[J]"}),
+              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]",
+               "remesh_loss[J]", "wall_work[J]", "interface_work[J]"}),
       mass_(output.dir, "mass",
-            fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; volume_error = rho0 volume / "
+            fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; "
+                        "volume_error = rho0 volume / "
                         "meshed - 1; created and dropped: volume by decision of all remeshes",
                         dim == 2 ? " per metre of depth" : ""),
-            {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]", "created[m^dim]", "dropped[m^dim]",
-             "nodes[]", "merged[]", "split[]", "remeshes[]"}),
+            {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]",
+             "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]"}),
       rho0_(fluid.config().tait.rho0)
 {
   for (const ProbeConfig& probe : probes)
@@ -128,7 +132,8 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
 }
 
 template <int dim>
-typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const
+typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig& probe,
+                                                              const Fluid<dim>& fluid) const
 {
   const auto& nodes = fluid.nodes();
   Probe result{.config = probe};
@@ -137,8 +142,9 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
   {
     for (const auto& field : probe.fields)
       if (std::find(fields.begin(), fields.end(), field) == fields.end())
-        throw InputError(fmt::format("probe '{}': quantity '{}' is not measured there; possible: {}", probe.name, field,
-                                     fmt::join(std::vector<std::string>(fields.begin(), fields.end()), ", ")));
+        throw InputError(
+            fmt::format("probe '{}': quantity '{}' is not measured there; possible: {}", probe.name, field,
+                        fmt::join(std::vector<std::string>(fields.begin(), fields.end()), ", ")));
   };
   const auto names_of = [](const auto& list, auto&& name)
   {
@@ -154,10 +160,12 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
     const auto known = names_of(fluid.walls().geometry(), [](const auto& g) { return g.name; });
     const auto it = std::find(known.begin(), known.end(), probe.wall);
     if (it == known.end())
-      throw InputError(fmt::format("probe '{}': the fluid has no wall '{}'. Walls that can be met and left: {}", probe.name, probe.wall,
-                                   fmt::join(known, " ")));
+      throw InputError(
+          fmt::format("probe '{}': the fluid has no wall '{}'. Walls that can be met and left: {}",
+                      probe.name, probe.wall, fmt::join(known, " ")));
     result.wall = it - known.begin();
-    definition = "force of the fluid on the wall: contact impulse since the last row over the time since then";
+    definition =
+        "force of the fluid on the wall: contact impulse since the last row over the time since then";
     for (int i = 0; i < dim; ++i)
       columns.push_back(fmt::format("F_{}[N]", "xyz"[i]));
   }
@@ -168,7 +176,8 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
   }
   else if (probe.fields == std::vector<std::string>{"hydrostatic_error"})
   {
-    definition = "relative L2 error of the nodal pressure against barotropic rest under the highest point at the start";
+    definition = "relative L2 error of the nodal pressure against barotropic rest under the highest point at "
+                 "the start";
     columns = {"error[]"};
     result.highest = highest_potential(fluid);
   }
@@ -188,15 +197,16 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
       const auto known = names_of(fluid.surfaces(), [](const auto& s) { return s.name; });
       const auto it = std::find(known.begin(), known.end(), probe.surface);
       if (it == known.end())
-        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}", probe.name, probe.surface,
-                                     fmt::join(known, " ")));
+        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}",
+                                     probe.name, probe.surface, fmt::join(known, " ")));
       for (std::size_t n = 0; n < nodes.x.size(); ++n)
         if (nodes.surface[n] >> (it - known.begin()) & 1)
           result.id.push_back(nodes.id[n]);
       definition = fmt::format("mean over the {} nodes of surface '{}'", result.id.size(), probe.surface);
     }
     else if (probe.radius > 0.0)
-      definition = fmt::format("fixed gauge: mean over the nodes within {:.6g} m of the point, 0 when dry", probe.radius);
+      definition = fmt::format("fixed gauge: mean over the nodes within {:.6g} m of the point, 0 when dry",
+                               probe.radius);
     else
     {
       std::size_t nearest = 0;
@@ -208,7 +218,8 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
           nearest = n;
         }
       result.id.push_back(nodes.id[nearest]);
-      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest], fmt::join(nodes.x[nearest].c, ", "));
+      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest],
+                               fmt::join(nodes.x[nearest].c, ", "));
     }
   }
   if (!probe.point.empty())
@@ -252,13 +263,15 @@ template <int dim>
 void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
-  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss, e.wall_work, e.interface_work});
+  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss,
+                    e.wall_work, e.interface_work});
   const auto& nodes = fluid.nodes();
   const FluidMass m = fluid.mass_by_state();
   const RemeshLedger& r = fluid.ledger();
-  mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume, m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created,
-                  r.dropped, static_cast<double>(nodes.size()), static_cast<double>(r.merged), static_cast<double>(r.split),
-                  static_cast<double>(r.remeshes)});
+  mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume,
+                  m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created, r.dropped,
+                  static_cast<double>(nodes.size()), static_cast<double>(r.merged),
+                  static_cast<double>(r.split), static_cast<double>(r.remeshes)});
   for (Probe& probe : probes_)
     probe.history->write(t, measure(probe, t, fluid));
 }
@@ -269,7 +282,8 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
   const auto& nodes = fluid.nodes();
   if (probe.wall >= 0)
   {
-    const Vec<dim> impulse = fluid.walls().impulse()[static_cast<std::size_t>(probe.wall)], since = impulse - probe.last_impulse;
+    const Vec<dim> impulse = fluid.walls().impulse()[static_cast<std::size_t>(probe.wall)],
+                   since = impulse - probe.last_impulse;
     std::vector<double> force(dim, 0.0);
     for (int i = 0; i < dim && t > probe.last_t; ++i)
       force[static_cast<std::size_t>(i)] = since[i] / (t - probe.last_t);
@@ -293,7 +307,8 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
   const auto chosen = [&](std::size_t n)
   {
     if (probe.config.radius > 0.0)
-      return !(nodes.flag[n] & isolated_node) && norm(nodes.x[n] - as_point<dim>(probe.config.point)) <= probe.config.radius;
+      return !(nodes.flag[n] & isolated_node) &&
+             norm(nodes.x[n] - as_point<dim>(probe.config.point)) <= probe.config.radius;
     return std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]);
   };
   std::vector<double> row;
@@ -307,7 +322,9 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
         continue;
       ++count;
       for (std::size_t i = 0; i < sum.size(); ++i)
-        sum[i] += field == "p" ? nodes.p[n] : field == "x" ? nodes.x[n][static_cast<int>(i)] : nodes.v[n][static_cast<int>(i)];
+        sum[i] += field == "p"   ? nodes.p[n]
+                  : field == "x" ? nodes.x[n][static_cast<int>(i)]
+                                 : nodes.v[n][static_cast<int>(i)];
     }
     for (const double s : sum)
       row.push_back(count > 0 ? s / count : 0.0);

@@ -26,8 +26,8 @@ void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, in
 }
 
 template <int dim>
-index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double least_mass, FluidNodes<dim>& nodes,
-                                    index_t begin, index_t end)
+index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double least_mass,
+                                    FluidNodes<dim>& nodes, index_t begin, index_t end)
 {
   const double least_volume = least_mass / tait.rho0;
   index_t bad = -1;
@@ -57,9 +57,9 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
 
 template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&, index_t, index_t);
 template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&, index_t, index_t);
-template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&, index_t,
-                                                index_t);
-template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&, index_t,
-                                                index_t);
+template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&,
+                                                index_t, index_t);
+template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&,
+                                                index_t, index_t);
 
 } // namespace undine::fluid

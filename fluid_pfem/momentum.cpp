@@ -14,8 +14,9 @@ namespace
 {
 
 template <bool bulk, bool shear, bool exchange, int dim>
-void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
-                  const Vec<dim>& b, double dt, index_t begin, index_t end, ElementTerms<dim>& terms)
+void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config,
+                  double c0, const Vec<dim>& b, double dt, index_t begin, index_t end,
+                  ElementTerms<dim>& terms)
 {
   const double weight = 1.0 / (dim + 1), alpha = config.residual * std::sqrt(2.0 * dim) / c0;
   const double with_a = config.residual_with_acceleration ? 1.0 : 0.0;
@@ -37,7 +38,8 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
     for (std::size_t a = 0; a <= dim; ++a)
       V2_grad_N2 += norm_squared(V_grad_N[a]);
     // A sliver that is inverted or as flat as round-off has no meaningful gradients.
-    const bool has_gradients = dim == 2 ? V > 1e-9 * V2_grad_N2 : V * V > 1e-18 * V2_grad_N2 * std::sqrt(V2_grad_N2);
+    const bool has_gradients =
+        dim == 2 ? V > 1e-9 * V2_grad_N2 : V * V > 1e-18 * V2_grad_N2 * std::sqrt(V2_grad_N2);
     const double proper = has_gradients ? 1.0 : 0.0;
     const double inverse_V = proper / (V + (1.0 - proper));
     const double height = proper * V / std::sqrt(V2_grad_N2);
@@ -50,7 +52,8 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
       if constexpr (bulk)
       {
         const double div_v = trace(grad_v), b2 = config.bulk_quadratic;
-        const double q = -rho * height * (config.bulk_linear * c0 - b2 * b2 * height * std::min(div_v, 0.0)) * div_v;
+        const double q =
+            -rho * height * (config.bulk_linear * c0 - b2 * b2 * height * std::min(div_v, 0.0)) * div_v;
         terms.q[k] = q;
         dissipation -= q * div_v * V;
       }
@@ -87,8 +90,8 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
 }
 
 template <bool bulk, bool shear, bool exchange, int dim>
-void node_pass(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms, const Vec<dim>& b, index_t begin,
-               index_t end, std::span<double> mass_rate)
+void node_pass(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms,
+               const Vec<dim>& b, index_t begin, index_t end, std::span<double> mass_rate)
 {
   const Vec<dim>* x = nodes.x.data();
   const double* p = nodes.p.data();
@@ -126,16 +129,19 @@ void node_pass(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const Element
 template <class Act>
 void with_switches(bool bulk, bool shear, bool exchange, Act&& act)
 {
-  const auto third = [&]<bool A, bool B>() { exchange ? act.template operator()<A, B, true>() : act.template operator()<A, B, false>(); };
-  const auto second = [&]<bool A>() { shear ? third.template operator()<A, true>() : third.template operator()<A, false>(); };
+  const auto third = [&]<bool A, bool B>()
+  { exchange ? act.template operator()<A, B, true>() : act.template operator()<A, B, false>(); };
+  const auto second = [&]<bool A>()
+  { shear ? third.template operator()<A, true>() : third.template operator()<A, false>(); };
   bulk ? second.template operator()<true>() : second.template operator()<false>();
 }
 
 } // namespace
 
 template <int dim>
-void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config, double c0,
-                          const Vec<dim>& b, double dt, index_t begin, index_t end, ElementTerms<dim>& terms)
+void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                          const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
+                          index_t begin, index_t end, ElementTerms<dim>& terms)
 {
   const bool bulk = config.bulk(), shear = config.mu > 0.0, exchange = config.residual > 0.0;
   terms.q.resize(bulk ? mesh.elements.size() : 0);
@@ -145,20 +151,27 @@ void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     terms.dissipation = 0.0;
   if (config.none())
     return;
-  with_switches(bulk, shear, exchange, [&]<bool B, bool S, bool X>() { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, dt, begin, end, terms); });
+  with_switches(bulk, shear, exchange,
+                [&]<bool B, bool S, bool X>()
+                { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, dt, begin, end, terms); });
 }
 
 template <int dim>
-void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms, const Vec<dim>& b,
-                         index_t begin, index_t end, std::span<double> mass_rate)
+void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms,
+                         const Vec<dim>& b, index_t begin, index_t end, std::span<double> mass_rate)
 {
   with_switches(!terms.q.empty(), !terms.tau.empty(), !terms.z.empty(),
-                [&]<bool B, bool S, bool X>() { node_pass<B, S, X, dim>(mesh, nodes, terms, b, begin, end, mass_rate); });
+                [&]<bool B, bool S, bool X>()
+                { node_pass<B, S, X, dim>(mesh, nodes, terms, b, begin, end, mass_rate); });
 }
 
-template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&, double, const Vec<2>&, double, index_t, index_t, ElementTerms<2>&);
-template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&, double, const Vec<3>&, double, index_t, index_t, ElementTerms<3>&);
-template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementTerms<2>&, const Vec<2>&, index_t, index_t, std::span<double>);
-template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementTerms<3>&, const Vec<3>&, index_t, index_t, std::span<double>);
+template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
+                                      double, const Vec<2>&, double, index_t, index_t, ElementTerms<2>&);
+template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
+                                      double, const Vec<3>&, double, index_t, index_t, ElementTerms<3>&);
+template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementTerms<2>&,
+                                     const Vec<2>&, index_t, index_t, std::span<double>);
+template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementTerms<3>&,
+                                     const Vec<3>&, index_t, index_t, std::span<double>);
 
 } // namespace undine::fluid

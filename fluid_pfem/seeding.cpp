@@ -135,7 +135,9 @@ Seeds<dim> cut_ellipse(const Seeds<dim>& seeds, const Vec<dim>& origin, const Ve
     // Equal arc lengths along the outline, by a fine polygon.
     constexpr int fine = 20000;
     std::vector<double> arc{0.0};
-    const auto at = [&](double t) { return Vec<2>{{centre[0] + half[0] * std::cos(t), centre[1] + half[1] * std::sin(t)}}; };
+    const auto at = [&](double t) {
+      return Vec<2>{{centre[0] + half[0] * std::cos(t), centre[1] + half[1] * std::sin(t)}};
+    };
     for (int k = 1; k <= fine; ++k)
       arc.push_back(arc.back() + norm(at(2 * pi * k / fine) - at(2 * pi * (k - 1) / fine)));
     const int n = std::max(8, static_cast<int>(std::lround(arc.back() / h)));
@@ -144,7 +146,8 @@ Seeds<dim> cut_ellipse(const Seeds<dim>& seeds, const Vec<dim>& origin, const Ve
       const double s = arc.back() * k / n;
       while (arc[static_cast<std::size_t>(f) + 1] <= s)
         ++f;
-      const double part = (s - arc[static_cast<std::size_t>(f)]) / (arc[static_cast<std::size_t>(f) + 1] - arc[static_cast<std::size_t>(f)]);
+      const double part = (s - arc[static_cast<std::size_t>(f)]) /
+                          (arc[static_cast<std::size_t>(f) + 1] - arc[static_cast<std::size_t>(f)]);
       result.x.push_back(at(2 * pi * (f + part) / fine));
     }
   }
@@ -152,12 +155,14 @@ Seeds<dim> cut_ellipse(const Seeds<dim>& seeds, const Vec<dim>& origin, const Ve
   {
     // Fibonacci points on the sphere, stretched.
     const double radius = std::cbrt(half[0] * half[1] * half[2]);
-    const int n = std::max(20, static_cast<int>(std::lround(4.0 * pi * radius * radius / (std::sqrt(0.75) * h * h))));
+    const int n =
+        std::max(20, static_cast<int>(std::lround(4.0 * pi * radius * radius / (std::sqrt(0.75) * h * h))));
     const double golden = pi * (3.0 - std::sqrt(5.0));
     for (int k = 0; k < n; ++k)
     {
       const double y = 1.0 - 2.0 * (k + 0.5) / n, r = std::sqrt(1.0 - y * y);
-      result.x.push_back({{centre[0] + half[0] * r * std::cos(golden * k), centre[1] + half[1] * y, centre[2] + half[2] * r * std::sin(golden * k)}});
+      result.x.push_back({{centre[0] + half[0] * r * std::cos(golden * k), centre[1] + half[1] * y,
+                           centre[2] + half[2] * r * std::sin(golden * k)}});
     }
   }
   result.surface.assign(result.x.size(), 0);

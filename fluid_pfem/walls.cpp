@@ -42,7 +42,8 @@ bool WallPiece<dim>::covers(const Vec<dim>& x) const
 }
 
 template <int dim>
-Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, double t) : geometry_(geometry), spacing_(spacing)
+Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, double t)
+    : geometry_(geometry), spacing_(spacing)
 {
   for (std::size_t w = 0; w < geometry.size(); ++w)
   {
@@ -74,7 +75,8 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
         piece.wall = static_cast<int>(w);
         reference_.push_back(piece);
       }
-      // Past a concave corner (fluid inside the angle) a piece reaches on, so that nothing slips between two pieces.
+      // Past a concave corner (fluid inside the angle) a piece reaches on, so that nothing slips between two
+      // pieces.
       for (std::size_t k = 0; k < segments; ++k)
       {
         if (k + 1 == segments && !g.closed)
@@ -102,7 +104,8 @@ void Walls<dim>::move_to(double t)
     const WallMotion& motion = geometry_[static_cast<std::size_t>(reference_[k].wall)].motion;
     if (!motion.moves())
       continue;
-    const double angle = motion.angle ? (*motion.angle)(0.0, 0.0, 0.0, t) : 0.0, c = std::cos(angle), s = std::sin(angle);
+    const double angle = motion.angle ? (*motion.angle)(0.0, 0.0, 0.0, t) : 0.0, c = std::cos(angle),
+                 s = std::sin(angle);
     const auto turn = [&](Vec<dim> v)
     {
       const double x = v[0], y = v[1];
@@ -146,7 +149,8 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, double margin)
 }
 
 template <int dim>
-double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
+double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
+                           std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
 {
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
   double work = 0.0;
@@ -168,8 +172,9 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
         if (d >= 0.0 || !pieces_[k].covers(x_end) || before_[k].distance(x[n]) < -0.5 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
         const Vec<dim> dv = (-d / dt) * pieces_[k].n;
-        // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was corrected before. A node pressed against a
-        // wall at rest then gets no work, although the pressure has just kicked it.
+        // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
+        // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
+        // has just kicked it.
         work += 0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv);
         impulse_[static_cast<std::size_t>(pieces_[k].wall)] -= m[n] * dv;
         v[n] += dv;

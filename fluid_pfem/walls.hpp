@@ -1,8 +1,9 @@
-// Rigid walls without a mesh: unilateral sliding contact of fluid nodes with planes, polylines and triangles that may move.
+// Rigid walls without a mesh: unilateral sliding contact of fluid nodes with planes, polylines and triangles
+// that may move.
 //
-// A node whose trial position at the end of a step lies behind a wall gets the normal velocity that puts it exactly on the wall. It slides
-// freely and is free to leave. The impulse m Δv is the wall's reaction. This is the half-step multiplier of the coupling with a wall of
-// infinite mass.
+// A node whose trial position at the end of a step lies behind a wall gets the normal velocity that puts it
+// exactly on the wall. It slides freely and is free to leave. The impulse m Δv is the wall's reaction. This
+// is the half-step multiplier of the coupling with a wall of infinite mass.
 #pragma once
 
 #include "common/config/expression.hpp"
@@ -17,7 +18,8 @@
 namespace undine::fluid
 {
 
-/// Rigid motion of a wall: turn by angle(t) about `centre`, then shift by displacement(t). Without formulas it stands still.
+/// Rigid motion of a wall: turn by angle(t) about `centre`, then shift by displacement(t). Without formulas
+/// it stands still.
 struct WallMotion
 {
   std::vector<Expression> displacement; ///< [m], empty or dim formulas of t
@@ -31,10 +33,11 @@ struct WallMotion
 struct WallGeometry
 {
   std::string name;
-  std::vector<std::array<double, 3>> points; ///< 2-D: a polyline, the fluid on its left when it is walked along [m]
-  bool closed = false;                       ///< the last point is joined to the first
-  bool plane = false;                        ///< points[0] and `normal` define an unbounded plane
-  std::array<double, 3> normal{};            ///< into the fluid
+  std::vector<std::array<double, 3>>
+      points;                     ///< 2-D: a polyline, the fluid on its left when it is walked along [m]
+  bool closed = false;            ///< the last point is joined to the first
+  bool plane = false;             ///< points[0] and `normal` define an unbounded plane
+  std::array<double, 3> normal{}; ///< into the fluid
   WallMotion motion;
 };
 
@@ -42,11 +45,12 @@ struct WallGeometry
 template <int dim>
 struct WallPiece
 {
-  Vec<dim> a, b;     ///< ends of a segment (2-D); a point of a plane is `a`
-  Vec<dim> n;        ///< unit, into the fluid
-  int wall = 0;      ///< index of the wall it belongs to
+  Vec<dim> a, b; ///< ends of a segment (2-D); a point of a plane is `a`
+  Vec<dim> n;    ///< unit, into the fluid
+  int wall = 0;  ///< index of the wall it belongs to
   bool plane = false;
-  double reach_a = 0.0, reach_b = 0.0; ///< how far the piece extends past its ends [m]: past a concave corner, not past a convex one
+  double reach_a = 0.0, reach_b = 0.0; ///< how far the piece extends past its ends [m]: past a concave
+                                       ///< corner, not past a convex one
 
   double distance(const Vec<dim>& x) const { return dot(x - a, n); }
   /// x projects onto the piece.
@@ -70,12 +74,15 @@ public:
 
   /// Nodes near walls, as candidates for contact until something has moved by `margin` [m].
   void find_candidates(std::span<const Vec<dim>> x, double margin);
-  /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds the impulses [N s] to impulse().
+  /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds the
+  /// impulses [N s] to impulse().
   /// @param m mass of each node [kg]
-  /// @param a acceleration of the last instant; gets the wall's part, so that it is what the node really does [m/s²]
+  /// @param a acceleration of the last instant; gets the wall's part, so that it is what the node really does
+  /// [m/s²]
   /// @param dt_before the step before this one [s]
   /// @returns work done on the fluid [J]
-  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a, double dt_before);
+  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
+                 std::span<Vec<dim>> a, double dt_before);
   /// Report the largest distance any node moved; find_candidates is due when this is true.
   bool candidates_expired(double moved)
   {

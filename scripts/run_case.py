@@ -228,6 +228,8 @@ def main():
     if code != 0:
         if killed := killed_program(heard, ranks):
             report_killed(out, code, killed)
+        elif code > 128:
+            print(f"error: a program was ended by signal {code - 128} ({signal_name(code - 128)})", file=sys.stderr)
         failed = f" and {out}/FAILED.toml" if (out / "FAILED.toml").exists() else ""
         print(f"the run failed with exit code {code}; see {out}/*.log{failed}", file=sys.stderr)
         return code

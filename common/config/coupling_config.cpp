@@ -26,7 +26,11 @@ CouplingConfig read_coupling(const CaseFile& file)
     config.interfaces.push_back(i);
   }
   const CaseTable t = file.table("coupling", "How the coupler runs.");
-  config.scheme = t.choice({"scheme", "", "coupling scheme: Gravouil-Combescure"}, "gc", {"gc"});
+  config.scheme =
+      t.choice({"scheme", "",
+                "gc: Gravouil-Combescure, each side with its own step; staggered: for a foreign solid "
+                "that takes forces only"},
+               "gc", {"gc", "staggered"});
   config.fine =
       t.choice({"fine", "", "the side with the smaller steps; auto: whichever has the smaller stable step"},
                "auto", {"auto", "fluid", "solid"});

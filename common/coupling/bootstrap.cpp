@@ -292,7 +292,7 @@ Roster judge_world(const Hello& own, int world_size, const Deadlines& deadlines)
       roster.minor = std::min(roster.minor, hello->minor);
   if (verdict.code == 0)
     for (const auto& hello : hellos)
-      roster.ranks.push_back({hello->role, hello->solver, hello->host});
+      roster.ranks.push_back({hello->role, hello->solver, hello->host, hello->capabilities});
 
   const std::vector<std::byte> bytes = encode(roster);
   std::vector<MPI_Request> requests;
@@ -583,6 +583,7 @@ World World::connect(const Identity& identity, const Deadlines& deadlines)
   const Hello hello{.major = protocol_major,
                     .minor = protocol_minor,
                     .dim = identity.dim,
+                    .capabilities = identity.capabilities,
                     .case_hash = identity.case_hash,
                     .world_rank = rank,
                     .pid = static_cast<std::int32_t>(getpid()),
@@ -637,6 +638,14 @@ std::string World::solver_of(const std::string& role) const
   if (ranks.empty())
     throw ProtocolError(code::internal_error, "there is no program with role '" + role + "'");
   return state_->roster.ranks[static_cast<std::size_t>(ranks.front())].solver;
+}
+
+std::uint64_t World::capabilities_of(const std::string& role) const
+{
+  const std::vector<int> ranks = state_->ranks_of(role);
+  if (ranks.empty())
+    throw ProtocolError(code::internal_error, "there is no program with role '" + role + "'");
+  return state_->roster.ranks[static_cast<std::size_t>(ranks.front())].capabilities;
 }
 
 void abort_world(int code, const std::string& role, const std::string& text, const std::string& out_dir)

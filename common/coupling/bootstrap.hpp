@@ -3,6 +3,7 @@
 #pragma once
 
 #include "common/coupling/channel.hpp"
+#include "common/coupling/handshake.hpp"
 
 #include <mpi.h>
 
@@ -29,6 +30,8 @@ struct Identity
   int dim = 0;                 ///< 0: did not read the case
   std::uint64_t case_hash = 0; ///< 0: did not read the case
   std::vector<std::string> partners; ///< roles that must be present, e.g. {"fluid", "solid"} for the coupler
+  std::uint64_t capabilities =
+      capability::link; ///< bits of namespace capability; of no meaning for a coupler
 };
 
 struct Deadlines
@@ -53,6 +56,7 @@ public:
   /// Channel to `role` on rank 0 of this role; nullptr on the other ranks.
   std::unique_ptr<Channel> channel(const std::string& role) const;
   std::string solver_of(const std::string& role) const;
+  std::uint64_t capabilities_of(const std::string& role) const;
 
 private:
   struct State;
@@ -70,7 +74,8 @@ private:
 [[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
                               const std::string& out_dir);
 
-/// The same without the end: print `text` and write FAILED.toml, for a program that runs alone and returns its code.
+/// The same without the end: print `text` and write FAILED.toml, for a program that runs alone and returns
+/// its code.
 void report_failure(int code, const std::string& role, const std::string& text, const std::string& out_dir);
 
 } // namespace undine::link

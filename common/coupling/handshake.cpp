@@ -210,6 +210,7 @@ std::vector<std::byte> encode(const Roster& roster)
     out.string(rank.role);
     out.string(rank.solver);
     out.string(rank.host);
+    out.u64(rank.capabilities);
   }
   return bytes;
 }
@@ -237,6 +238,7 @@ Roster decode_roster(std::span<const std::byte> bytes)
     rank.role = in.string("role");
     rank.solver = in.string("solver");
     rank.host = in.string("host");
+    rank.capabilities = in.u64("capabilities");
   }
   in.end();
   return roster;

@@ -19,7 +19,7 @@
 //    12  i32 status      0 or an exit code
 //    16  u32 length, text of the error
 // and goes on, only after status 0, with u64 n and for each world rank: string role, string solver, string
-// host.
+// host, u64 capabilities.
 #pragma once
 
 #include <cstddef>
@@ -33,6 +33,14 @@ namespace undine::link
 {
 
 inline constexpr std::size_t hello_size = 512;
+
+/// Bits of Hello::capabilities: what a participant can do.
+namespace capability
+{
+inline constexpr std::uint64_t force_in =
+    1u << 0; ///< level A: takes nodal forces, returns positions and velocities
+inline constexpr std::uint64_t link = 1u << 1; ///< level B: returns free velocities, takes link forces
+} // namespace capability
 
 struct Hello
 {
@@ -55,6 +63,7 @@ struct RosterEntry
   std::string role;
   std::string solver;
   std::string host;
+  std::uint64_t capabilities = 0;
 };
 
 struct Roster

@@ -39,6 +39,7 @@ enum class State
   activation,
   free_velocity,
   link_force,
+  motion,
   bye_ack,
   closed
 };
@@ -76,6 +77,8 @@ constexpr Turn turn(State state)
     return {End::participant, {MessageType::free_velocity, MessageType::free_velocity}};
   case State::link_force:
     return {End::coupler, {MessageType::link_force, MessageType::link_force}};
+  case State::motion:
+    return {End::participant, {MessageType::motion, MessageType::motion}};
   case State::bye_ack:
   case State::closed:
     break;
@@ -226,6 +229,7 @@ public:
   void learn(MessageType, const Setup& setup)
   {
     setup_dim_ = setup.dim;
+    takes_forces_ = setup.scheme == staggered_scheme;
     window_.t_begin = window_.t_end = setup.t_begin;
   }
 
@@ -270,7 +274,7 @@ public:
       state_ = State::mesh_reply;
       break;
     case MessageType::mesh_reply:
-      state_ = mesh_accepted_ ? State::report : State::closed;
+      state_ = !mesh_accepted_ ? State::closed : takes_forces_ ? State::motion : State::report;
       break;
     case MessageType::ready:
       state_ = surface_changed_ ? State::mesh_update : State::window_or_bye;
@@ -279,7 +283,9 @@ public:
       state_ = State::window_or_bye;
       break;
     case MessageType::window:
-      state_ = window_.activate ? State::kinematics : State::free_velocity;
+      state_ = takes_forces_      ? State::link_force
+               : window_.activate ? State::kinematics
+                                  : State::free_velocity;
       break;
     case MessageType::kinematics:
       state_ = State::activation;
@@ -292,7 +298,10 @@ public:
       break;
     case MessageType::link_force:
       ++exchange_;
-      state_ = exchange_ < exchanges_ ? State::free_velocity : State::report;
+      state_ = takes_forces_ ? State::motion : exchange_ < exchanges_ ? State::free_velocity : State::report;
+      break;
+    case MessageType::motion:
+      state_ = State::report;
       break;
     case MessageType::bye:
       state_ = State::bye_ack;
@@ -455,6 +464,8 @@ private:
   /// Time that a message of this state belongs to: step counts times dt, never a sum.
   double time() const
   {
+    if (takes_forces_)
+      return state_ == State::link_force ? window_.t_begin : window_.t_end;
     if (state_ == State::free_velocity || state_ == State::link_force)
       return exchange_ + 1 == exchanges_
                  ? window_.t_end
@@ -482,6 +493,7 @@ private:
   State state_ = State::setup;
   bool over_ = false; ///< by BYE or FAIL
   int setup_dim_ = 0;
+  bool takes_forces_ = false; ///< level A
   int dim_ = 1;
   std::size_t size_ = 0; ///< numbers in a vector of the wet surface
   std::uint32_t epoch_ = 0;
@@ -585,6 +597,11 @@ void SolverLink::receive_link_force(std::span<double> f_link)
   conversation_->receive_vector(MessageType::link_force, f_link);
 }
 
+void SolverLink::send_motion(const Motion& motion)
+{
+  conversation_->send(MessageType::motion, [&](wire::Writer& out) { wire::write(out, motion); });
+}
+
 void SolverLink::send_stop_request(const std::string& reason) { conversation_->send_stop_request(reason); }
 void SolverLink::send_failure(int code, const std::string& text) noexcept
 {
@@ -665,6 +682,14 @@ void PartnerLink::receive_free_velocity(std::span<double> v_free)
 void PartnerLink::send_link_force(std::span<const double> f_link)
 {
   conversation_->send_vector(MessageType::link_force, f_link);
+}
+
+Motion PartnerLink::receive_motion()
+{
+  conversation_->receive(MessageType::motion);
+  Motion motion = wire::read_motion(conversation_->reader(), conversation_->size());
+  conversation_->advance(MessageType::motion);
+  return motion;
 }
 
 bool PartnerLink::stop_requested() const { return conversation_->stop_requested(); }

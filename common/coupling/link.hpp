@@ -15,6 +15,12 @@
 //             P READY [P MESH_UPDATE]
 //   C BYE     P BYE_ACK
 //
+// At level A (the coupler's SETUP says scheme "staggered"):
+//
+//   C SETUP   P MESH   C MESH_REPLY   P MOTION  P READY [P MESH_UPDATE]
+//   repeat    C WINDOW  C LINK_FORCE   P MOTION  P READY [P MESH_UPDATE]
+//   C BYE     P BYE_ACK
+//
 // At any time: P STOP_REQUEST, and PING or FAIL of both.
 #pragma once
 
@@ -47,6 +53,7 @@ public:
   Activation receive_activation();
   void send_free_velocity(std::span<const double> v_free); ///< starts the message and returns; size n × dim
   void receive_link_force(std::span<double> f_link);       ///< waits; size n × dim
+  void send_motion(const Motion&);                         ///< level A: before each report
   void send_stop_request(const std::string& reason);
   void send_failure(int code, const std::string& text) noexcept; ///< last word before the program ends
   /// "Alive": call inside long pieces of work, as often as you like (at most four per second are sent).
@@ -77,6 +84,7 @@ public:
   void send_activation(const Activation&);
   void receive_free_velocity(std::span<double> v_free);
   void send_link_force(std::span<const double> f_link);
+  Motion receive_motion(); ///< level A
   bool stop_requested() const;
   const std::string& stop_reason() const; ///< text of the last STOP_REQUEST
   void ping();                            ///< as SolverLink::ping, e.g. while factorising a large interface

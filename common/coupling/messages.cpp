@@ -45,6 +45,8 @@ const char* name_of(MessageType type)
     return "ACTIVATION_IMPULSE";
   case MessageType::surface:
     return "SURFACE";
+  case MessageType::motion:
+    return "MOTION";
   }
   return "UNKNOWN";
 }

@@ -34,7 +34,8 @@ enum class MessageType : std::uint16_t
   ping = 15,            ///< any  alive, still working
   kinematics = 16, ///< P→C  velocity and free acceleration at a synchronised time, asked for by an activation
   activation_impulse = 17, ///< C→P  impulse and link force that make the start compatible
-  surface = 18             ///< reserved: C→P the partner's wet surface (faces, x, v) for contact detection
+  surface = 18,            ///< reserved: C→P the partner's wet surface (faces, x, v) for contact detection
+  motion = 19              ///< P→C  positions and velocities of a participant at level A
 };
 
 const char* name_of(MessageType);
@@ -95,15 +96,25 @@ struct Setup
 {
   int dim = 2;
   double t_begin = 0.0, t_end = 0.0; ///< [s]
+  /// "gc": the participant is asked for free velocities (level B); "staggered": it is given forces (level A).
   std::string scheme = "gc";
   std::vector<std::string> interfaces;
 };
+
+inline constexpr const char* staggered_scheme = "staggered"; ///< Setup::scheme of a participant at level A
 
 /// Answer to the request for kinematics.
 struct Kinematics
 {
   std::vector<double> v;      ///< velocity [m/s], n × dim
   std::vector<double> a_free; ///< M⁻¹F without link force [m/s²], n × dim
+};
+
+/// State of a participant at level A.
+struct Motion
+{
+  std::vector<double> x; ///< position [m], n × dim
+  std::vector<double> v; ///< velocity [m/s], n × dim
 };
 
 struct Activation

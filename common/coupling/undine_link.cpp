@@ -149,6 +149,29 @@ Report report_of(const undine_link& link, const undine_report& r)
   return report;
 }
 
+/// Hand-shake of either level.
+int open_link(undine_link** link, const char* role, const char* solver, std::uint64_t capabilities,
+              double hello_seconds, double stall_seconds)
+{
+  if (link == nullptr)
+    return fail(nullptr, code::internal_error, "undine_open: link is NULL");
+  *link = nullptr;
+  return guarded(
+      nullptr,
+      [&]
+      {
+        require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
+        auto opened = std::make_unique<undine_link>();
+        opened->role = role;
+        opened->world = std::make_unique<World>(World::connect(
+            {.role = role, .solver = solver, .partners = {"coupler"}, .capabilities = capabilities},
+            {.hello = hello_seconds, .stall = stall_seconds}));
+        if (auto channel = opened->world->channel("coupler"))
+          opened->conversation.emplace(std::move(channel));
+        *link = opened.release();
+      });
+}
+
 } // namespace
 
 extern "C"
@@ -175,22 +198,13 @@ extern "C"
   int undine_open(undine_link** link, const char* role, const char* solver, double hello_seconds,
                   double stall_seconds)
   {
-    if (link == nullptr)
-      return fail(nullptr, code::internal_error, "undine_open: link is NULL");
-    *link = nullptr;
-    return guarded(nullptr,
-                   [&]
-                   {
-                     require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
-                     auto opened = std::make_unique<undine_link>();
-                     opened->role = role;
-                     opened->world = std::make_unique<World>(
-                         World::connect({.role = role, .solver = solver, .partners = {"coupler"}},
-                                        {.hello = hello_seconds, .stall = stall_seconds}));
-                     if (auto channel = opened->world->channel("coupler"))
-                       opened->conversation.emplace(std::move(channel));
-                     *link = opened.release();
-                   });
+    return open_link(link, role, solver, capability::link, hello_seconds, stall_seconds);
+  }
+
+  int undine_open_force_in(undine_link** link, const char* role, const char* solver, double hello_seconds,
+                           double stall_seconds)
+  {
+    return open_link(link, role, solver, capability::force_in, hello_seconds, stall_seconds);
   }
 
   MPI_Comm undine_comm(const undine_link* link)
@@ -400,6 +414,18 @@ extern "C"
   {
     const int code = undine_send_free_velocity(link, v_free);
     return code != UNDINE_OK ? code : undine_receive_link_force(link, link_force);
+  }
+
+  int undine_send_motion(undine_link* link, const double* x, const double* v)
+  {
+    return guarded(link,
+                   [&]
+                   {
+                     auto& talk = conversation(link, "undine_send_motion");
+                     const auto position = vector(*link, x, "x"), velocity = vector(*link, v, "v");
+                     talk.send_motion(
+                         {.x = {position.begin(), position.end()}, .v = {velocity.begin(), velocity.end()}});
+                   });
   }
 
   int undine_request_stop(undine_link* link, const char* reason)

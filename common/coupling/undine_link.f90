@@ -69,6 +69,9 @@ module undine_link
     integer(c_int) function undine_exchange(link, v_free, link_force) bind(c)
       import; type(c_ptr), value :: link; real(c_double) :: v_free(*), link_force(*)
     end function
+    integer(c_int) function undine_send_motion(link, x, v) bind(c)
+      import; type(c_ptr), value :: link; real(c_double) :: x(*), v(*)
+    end function
     integer(c_int) function undine_ping(link) bind(c)
       import; type(c_ptr), value :: link
     end function
@@ -86,6 +89,10 @@ module undine_link
       import; character(kind=c_char) :: role(*); real(c_double), value :: seconds
     end function
     integer(c_int) function c_undine_open(link, role, solver, hello, stall) bind(c, name="undine_open")
+      import; type(c_ptr) :: link; character(kind=c_char) :: role(*), solver(*)
+      real(c_double), value :: hello, stall
+    end function
+    integer(c_int) function c_undine_open_force_in(link, role, solver, hello, stall) bind(c, name="undine_open_force_in")
       import; type(c_ptr) :: link; character(kind=c_char) :: role(*), solver(*)
       real(c_double), value :: hello, stall
     end function
@@ -126,6 +133,15 @@ contains
     character(*), intent(in) :: role, solver
     real(c_double), intent(in) :: hello_seconds, stall_seconds
     undine_open = c_undine_open(link, trim(role)//c_null_char, trim(solver)//c_null_char, hello_seconds, stall_seconds)
+  end function
+
+  !> Level A
+  integer(c_int) function undine_open_force_in(link, role, solver, hello_seconds, stall_seconds)
+    type(c_ptr), intent(out) :: link
+    character(*), intent(in) :: role, solver
+    real(c_double), intent(in) :: hello_seconds, stall_seconds
+    undine_open_force_in = c_undine_open_force_in(link, trim(role)//c_null_char, trim(solver)//c_null_char, &
+                                                  hello_seconds, stall_seconds)
   end function
 
   function undine_last_error(link) result(text)

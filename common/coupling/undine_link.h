@@ -111,6 +111,15 @@ int undine_arm(const char* role, double seconds);
 int undine_open(undine_link** link, const char* role, const char* solver, double hello_seconds,
                 double stall_seconds);
 
+/* The same for a solver at level A: any code that takes nodal forces and returns positions and velocities, by whatever
+ * integration. The coupler takes such a solver as "solid" when the case says coupling.scheme = "staggered", and only if
+ * the bound of docs/protocol.md, 8.2, holds: the fluid's interface masses smaller than the solid's.
+ * Its loop: undine_send_surface, undine_send_motion, undine_send_report; then per window undine_next_window,
+ * undine_receive_link_force (constant over the window), steps of its own to t_end, undine_send_motion,
+ * undine_send_report. */
+int undine_open_force_in(undine_link** link, const char* role, const char* solver, double hello_seconds,
+                         double stall_seconds);
+
 /* Communicator of the ranks of this program; belongs to the link. The second form is for Fortran and mpi4py. */
 MPI_Comm undine_comm(const undine_link* link);
 MPI_Fint undine_comm_f(const undine_link* link);
@@ -161,6 +170,9 @@ int undine_receive_activation(undine_link* link, double* impulse, double* link_f
 int undine_send_free_velocity(undine_link* link, const double* v_free);
 int undine_receive_link_force(undine_link* link, double* link_force);
 int undine_exchange(undine_link* link, const double* v_free, double* link_force);
+
+/* Level A: position [m] and velocity [m/s] of the wet nodes at the start and at each window's end, both n x dim. */
+int undine_send_motion(undine_link* link, const double* x, const double* v);
 
 /* "Please end after this window", e.g. on a signal. */
 int undine_request_stop(undine_link* link, const char* reason);

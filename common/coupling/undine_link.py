@@ -79,6 +79,7 @@ def _load():
         "undine_send_report": [h, POINTER(Report)], "undine_next_window": [h, POINTER(Window)],
         "undine_send_kinematics": [h, d, d], "undine_receive_activation": [h, d, d],
         "undine_send_free_velocity": [h, d], "undine_receive_link_force": [h, d], "undine_exchange": [h, d, d],
+        "undine_open_force_in": [POINTER(h), c_char_p, c_char_p, c_double, c_double], "undine_send_motion": [h, d, d],
         "undine_request_stop": [h, c_char_p], "undine_ping": [h],
     }
     for function, arguments in signatures.items():
@@ -116,10 +117,12 @@ def _check(code, handle):
 class Link:
     """One conversation with the coupler, on rank 0 of `comm`; the other ranks only hold `comm`."""
 
-    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir=""):
+    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir="", force_in=False):
+        """force_in: level A, a code that takes forces; see undine_open_force_in."""
         from mpi4py import MPI  # calls MPI_Init
         self._handle, self._out_dir, self._shape = c_void_p(), out_dir, (0, 0)
-        code = _lib.undine_open(byref(self._handle), role.encode(), solver.encode(), hello_seconds, stall_seconds)
+        hand_shake = _lib.undine_open_force_in if force_in else _lib.undine_open
+        code = hand_shake(byref(self._handle), role.encode(), solver.encode(), hello_seconds, stall_seconds)
         if code != 0:
             self.abort(code, None)
         self.comm = MPI.Comm.f2py(_lib.undine_comm_f(self._handle))
@@ -223,6 +226,11 @@ class Link:
         """Free velocity out, link force in."""
         self.send_free_velocity(v_free)
         return self.receive_link_force()
+
+    def send_motion(self, x, v):
+        """Level A: positions [m] and velocities [m/s] at the start and at each window's end."""
+        x, v = self._vector(x, "x"), self._vector(v, "v")
+        _check(_lib.undine_send_motion(self._handle, _pointer(x, c_double), _pointer(v, c_double)), self._handle)
 
     def request_stop(self, reason):
         """Please end after this window."""

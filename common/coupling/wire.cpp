@@ -471,10 +471,27 @@ Window read_window(Reader in)
   return w;
 }
 
+void write(Writer& out, const Motion& m)
+{
+  out.list<double>(m.x);
+  out.list<double>(m.v);
+}
+
 void write(Writer& out, const Kinematics& k)
 {
   out.list<double>(k.v);
   out.list<double>(k.a_free);
+}
+
+Motion read_motion(Reader in, std::size_t size)
+{
+  Motion m;
+  m.x = in.f64_list("x");
+  m.v = in.f64_list("v");
+  in.end();
+  require_size(in, "x", m.x.size(), size, "nodes x dim of the MESH");
+  require_size(in, "v", m.v.size(), size, "nodes x dim of the MESH");
+  return m;
 }
 
 Kinematics read_kinematics(Reader in, std::size_t size)

@@ -181,6 +181,7 @@ void write(Writer&, const Report&);
 void write(Writer&, const Window&);
 void write(Writer&, const Kinematics&);
 void write(Writer&, const Activation&);
+void write(Writer&, const Motion&);
 void write(Writer&, const Failed&);
 
 Setup read_setup(Reader);
@@ -190,6 +191,7 @@ Report read_report(Reader);
 Window read_window(Reader);
 Kinematics read_kinematics(Reader, std::size_t size); ///< both vectors must have `size` numbers
 Activation read_activation(Reader, std::size_t size); ///< both vectors must have `size` numbers
+Motion read_motion(Reader, std::size_t size);         ///< both vectors must have `size` numbers
 Failed read_failed(Reader);
 std::string read_reason(Reader); ///< STOP_REQUEST and BYE
 

@@ -14,7 +14,8 @@ namespace
 
 /// Corners in the order of their numbers, and the smallest wanted spacing.
 template <int dim>
-std::pair<std::array<Vec<dim>, dim + 1>, double> corners_of(Simplex<dim> simplex, std::span<const Vec<dim>> x, std::span<const double> h)
+std::pair<std::array<Vec<dim>, dim + 1>, double> corners_of(Simplex<dim> simplex, std::span<const Vec<dim>> x,
+                                                            std::span<const double> h)
 {
   std::sort(simplex.begin(), simplex.end());
   std::array<Vec<dim>, dim + 1> corner;
@@ -99,8 +100,9 @@ std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<con
 }
 
 template <int dim>
-ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
-                              const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before, const ShapeRules& rules)
+ShapeChoice<dim>
+choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
+             const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before, const ShapeRules& rules)
 {
   ShapeChoice<dim> choice;
   choice.elements.reserve(delaunay.size());
@@ -115,15 +117,19 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<st
       wall += (nodes.flag[static_cast<std::size_t>(n)] & on_wall) != 0;
     }
     const double R = circumradius<dim>(corner);
-    // Most simplices of the convex hull are far larger than anything that can be fluid and end here, before the search.
-    const double largest = std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
-    if (!(R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h) || on_one_piece<dim>(simplex, wall_pieces))
+    // Most simplices of the convex hull are far larger than anything that can be fluid and end here, before
+    // the search.
+    const double largest =
+        std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
+    if (!(R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h) ||
+        on_one_piece<dim>(simplex, wall_pieces))
       continue;
     Vec<dim> centroid{};
     for (const auto& p : corner)
       centroid += (1.0 / (dim + 1)) * p;
     const bool was_fluid = boundary == 0 || before.contains(centroid);
-    const bool flat = boundary == dim + 1 && wall <= dim && std::abs(quality<dim>(corner)) < rules.sliver_quality;
+    const bool flat =
+        boundary == dim + 1 && wall <= dim && std::abs(quality<dim>(corner)) < rules.sliver_quality;
 
     bool is_fluid = false;
     if (boundary == 0)
@@ -154,9 +160,11 @@ template std::vector<Simplex<2>> alpha_shape<2>(std::span<const Vec<2>>, std::sp
                                                 const std::vector<Simplex<2>>&);
 template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::span<const double>, double,
                                                 const std::vector<Simplex<3>>&);
-template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&, const std::vector<Simplex<2>>&,
-                                        const OldDomain<2>&, const ShapeRules&);
-template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&, const std::vector<Simplex<3>>&,
-                                        const OldDomain<3>&, const ShapeRules&);
+template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
+                                        const std::vector<Simplex<2>>&, const OldDomain<2>&,
+                                        const ShapeRules&);
+template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&,
+                                        const std::vector<Simplex<3>>&, const OldDomain<3>&,
+                                        const ShapeRules&);
 
 } // namespace undine::fluid

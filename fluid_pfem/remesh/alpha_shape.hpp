@@ -14,8 +14,8 @@
 namespace undine::fluid
 {
 
-/// Keep the simplices with circumradius R ≤ α h, h the smallest wanted spacing of their nodes [m]. Corners are taken in the order
-/// of their numbers, so that the test gives the same bits wherever it is evaluated.
+/// Keep the simplices with circumradius R ≤ α h, h the smallest wanted spacing of their nodes [m]. Corners
+/// are taken in the order of their numbers, so that the test gives the same bits wherever it is evaluated.
 template <int dim>
 std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<const double> h, double alpha,
                                       const std::vector<Simplex<dim>>& delaunay);
@@ -23,11 +23,11 @@ std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<con
 /// Thresholds of the hysteresis. Lengths in units of h.
 struct ShapeRules
 {
-  double keep = 1.5;           ///< what was fluid stays fluid up to this circumradius …
-  double keep_inner = 3.0;     ///< … and this one if no corner is on the boundary
-  double create = 0.8;         ///< what was not fluid becomes fluid below this circumradius
-  double gap = 0.0;            ///< > 0: instead, below this height across the gap, and only while it closes
-  double sliver_quality = 0.15;///< flat elements of boundary nodes only are dropped below this shape
+  double keep = 1.5;            ///< what was fluid stays fluid up to this circumradius …
+  double keep_inner = 3.0;      ///< … and this one if no corner is on the boundary
+  double create = 0.8;          ///< what was not fluid becomes fluid below this circumradius
+  double gap = 0.0;             ///< > 0: instead, below this height across the gap, and only while it closes
+  double sliver_quality = 0.15; ///< flat elements of boundary nodes only are dropped below this shape
 };
 
 /// The fluid after a remesh and what the decision did to the volume [m^dim].
@@ -37,15 +37,20 @@ struct ShapeChoice
   std::vector<Simplex<dim>> elements;
   double created = 0.0; ///< volume that was not fluid before
   double dropped = 0.0; ///< volume that was fluid before
-  std::vector<double> gained; ///< the difference of both, shared by the corners: volume each node gained by decision
+  std::vector<double>
+      gained; ///< the difference of both, shared by the corners: volume each node gained by decision
 };
 
-/// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid before the remesh.
+/// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid
+/// before the remesh.
 /// @param flag NodeFlag of each node before the remesh
-/// @param wall_pieces for each node the wall pieces it lies on, −1 where fewer; a simplex on one piece only is no fluid
+/// @param wall_pieces for each node the wall pieces it lies on, −1 where fewer; a simplex on one piece only
+/// is no fluid
 template <int dim>
-ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
-                              const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before, const ShapeRules& rules);
+ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
+                              const std::vector<std::array<int, 3>>& wall_pieces,
+                              const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before,
+                              const ShapeRules& rules);
 
 /// Shape of a simplex, 1 for a regular one, in proportion to its height when flat, negative when inverted:
 /// 4√3 A/Σl² in the plane, 12 (3V)^(2/3)/Σl² in space (mean ratio; Liu & Joe 1994).

@@ -104,7 +104,10 @@ OldDomain<dim>::OldDomain(std::span<const Vec<dim>> x, std::span<const Simplex<d
   for (std::size_t e = 0; e < elements_.size(); ++e)
   {
     const auto [first, last] = range(elements_[e]);
-    for_each_cell<dim>(first, last, [&](const auto& cell) { in_bin_[static_cast<std::size_t>(next[bin_of(cell)]++)] = static_cast<index_t>(e); });
+    for_each_cell<dim>(first, last,
+                       [&](const auto& cell) {
+                         in_bin_[static_cast<std::size_t>(next[bin_of(cell)]++)] = static_cast<index_t>(e);
+                       });
   }
 }
 

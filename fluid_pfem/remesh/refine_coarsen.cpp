@@ -2,11 +2,11 @@
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <bit>
+#include <cmath>
+#include <set>
 #include <tuple>
 #include <utility>
-#include <set>
 
 namespace undine::fluid
 {
@@ -36,9 +36,11 @@ int count_pieces(const std::array<int, 3>& pieces)
   return static_cast<int>(std::count_if(pieces.begin(), pieces.end(), [](int p) { return p >= 0; }));
 }
 
-/// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one corner.
+/// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one
+/// corner.
 template <int dim>
-void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces, std::vector<Edge>& close)
+void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
+                  std::vector<Edge>& close)
 {
   constexpr double touching = 0.1; // of the spacing
   std::vector<std::pair<std::array<long, dim>, index_t>> cells;
@@ -50,7 +52,8 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
     {
       std::array<long, dim> cell;
       for (int i = 0; i < dim; ++i)
-        cell[static_cast<std::size_t>(i)] = std::lround(std::floor(nodes.x[static_cast<std::size_t>(n)][i] / bin));
+        cell[static_cast<std::size_t>(i)] =
+            std::lround(std::floor(nodes.x[static_cast<std::size_t>(n)][i] / bin));
       cells.emplace_back(cell, n);
     }
   std::sort(cells.begin(), cells.end());
@@ -64,11 +67,13 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
       std::array<long, dim> near = cell;
       for (int i = 0, rest = k; i < dim; ++i, rest /= 3)
         near[static_cast<std::size_t>(i)] += rest % 3 - 1;
-      for (auto it = std::lower_bound(cells.begin(), cells.end(), std::pair{near, n + 1}); it != cells.end() && it->first == near; ++it)
+      for (auto it = std::lower_bound(cells.begin(), cells.end(), std::pair{near, n + 1});
+           it != cells.end() && it->first == near; ++it)
       {
         const auto p = static_cast<std::size_t>(n), q = static_cast<std::size_t>(it->second);
         const double length = norm(nodes.x[p] - nodes.x[q]) / std::min(nodes.h[p], nodes.h[q]);
-        const bool across_a_wall = count_pieces(wall_pieces[p]) > 0 && count_pieces(wall_pieces[q]) > 0 && common_pieces(wall_pieces[p], wall_pieces[q])[0] < 0;
+        const bool across_a_wall = count_pieces(wall_pieces[p]) > 0 && count_pieces(wall_pieces[q]) > 0 &&
+                                   common_pieces(wall_pieces[p], wall_pieces[q])[0] < 0;
         if (length < touching && !across_a_wall)
           close.push_back({length, n, it->second});
       }
@@ -79,8 +84,9 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
 } // namespace
 
 template <int dim>
-SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh, std::vector<std::array<int, 3>>& wall_pieces,
-                                 index_t n_wet, const SpacingRules& rules, global_index_t& next_id)
+SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
+                                 std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
+                                 const SpacingRules& rules, global_index_t& next_id)
 {
   std::vector<Edge> close, far;
   for (const auto& e : mesh.elements)
@@ -122,10 +128,11 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     auto k = static_cast<std::size_t>(edge.i), l = static_cast<std::size_t>(edge.j); // k stays, l goes
     if (busy[k] || busy[l])
       continue;
-    const auto rank = [&](std::size_t n) // who stays: wet, on more walls, on more named surfaces, on the boundary
+    const auto rank =
+        [&](std::size_t n) // who stays: wet, on more walls, on more named surfaces, on the boundary
     {
-      return std::tuple(static_cast<index_t>(n) < n_wet, count_pieces(wall_pieces[n]), std::popcount(nodes.surface[n]),
-                        (nodes.flag[n] & on_boundary) != 0);
+      return std::tuple(static_cast<index_t>(n) < n_wet, count_pieces(wall_pieces[n]),
+                        std::popcount(nodes.surface[n]), (nodes.flag[n] & on_boundary) != 0);
     };
     if (rank(k) < rank(l))
       std::swap(k, l);
@@ -151,7 +158,8 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     if (busy[k] || busy[l] || (edge.i < n_wet && edge.j < n_wet))
       continue;
     const bool on_the_boundary = boundary_edges.contains({edge.i, edge.j});
-    const auto shared_pieces = on_the_boundary ? common_pieces(wall_pieces[k], wall_pieces[l]) : std::array<int, 3>{-1, -1, -1};
+    const auto shared_pieces =
+        on_the_boundary ? common_pieces(wall_pieces[k], wall_pieces[l]) : std::array<int, 3>{-1, -1, -1};
     const SurfaceMask shared_surface = on_the_boundary ? nodes.surface[k] & nodes.surface[l] : 0;
     const bool wall_edge = shared_pieces[0] >= 0 || shared_surface != 0;
     if (-edge.length_over_h < (wall_edge ? rules.split_wall : rules.split))
@@ -162,7 +170,8 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
     const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
     // Momentum: m v_new = (m_k v_k + m_l v_l)/3 with m = (m_k + m_l)/3.
-    const Vec<dim> v = (1.0 / (nodes.m[k] + nodes.m[l])) * (nodes.m[k] * nodes.v[k] + nodes.m[l] * nodes.v[l]);
+    const Vec<dim> v =
+        (1.0 / (nodes.m[k] + nodes.m[l])) * (nodes.m[k] * nodes.v[k] + nodes.m[l] * nodes.v[l]);
     nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));
     nodes.v.push_back(v);
     nodes.a.push_back(mean(nodes.a[k], nodes.a[l]));
@@ -175,7 +184,8 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.h.push_back(mean(nodes.h[k], nodes.h[l]));
     nodes.surface.push_back(shared_surface);
     nodes.id.push_back(next_id++);
-    nodes.flag.push_back(static_cast<std::uint8_t>(on_the_boundary ? nodes.flag[k] & nodes.flag[l] & (on_boundary | on_free_surface | on_wall) : 0));
+    nodes.flag.push_back(static_cast<std::uint8_t>(
+        on_the_boundary ? nodes.flag[k] & nodes.flag[l] & (on_boundary | on_free_surface | on_wall) : 0));
     nodes.alone.push_back(0);
     wall_pieces.push_back(shared_pieces);
     for (const std::size_t parent : {k, l})
@@ -202,7 +212,11 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
   return report;
 }
 
-template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&, std::vector<std::array<int, 3>>&, index_t, const SpacingRules&, global_index_t&);
-template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&, std::vector<std::array<int, 3>>&, index_t, const SpacingRules&, global_index_t&);
+template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&,
+                                             std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
+                                             global_index_t&);
+template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&,
+                                             std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
+                                             global_index_t&);
 
 } // namespace undine::fluid

@@ -24,13 +24,15 @@ struct SpacingReport
   double kinetic_lost = 0.0; ///< by merging velocities [J]
 };
 
-/// Change the node set; the mesh is out of date afterwards. A merged node carries the sum of particle masses and the mean momentum; a new
-/// node takes a third of the particle mass of each end of its edge. Wall nodes are never merged into others; wet nodes (`n_wet` first)
-/// are left alone; an edge with both ends on the free surface is not split. Each node takes part in one change at most.
+/// Change the node set; the mesh is out of date afterwards. A merged node carries the sum of particle masses
+/// and the mean momentum; a new node takes a third of the particle mass of each end of its edge. Wall nodes
+/// are never merged into others; wet nodes (`n_wet` first) are left alone; an edge with both ends on the free
+/// surface is not split. Each node takes part in one change at most.
 /// @param wall_pieces for each node the wall pieces it lies on; extended for new nodes
 /// @param next_id next free node identifier
 template <int dim>
-SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh, std::vector<std::array<int, 3>>& wall_pieces,
-                                 index_t n_wet, const SpacingRules& rules, global_index_t& next_id);
+SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
+                                 std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
+                                 const SpacingRules& rules, global_index_t& next_id);
 
 } // namespace undine::fluid

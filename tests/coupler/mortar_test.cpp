@@ -24,10 +24,11 @@ std::vector<double> uneven(int n, unsigned seed)
   return s;
 }
 
-/// A curve (2-D) of n segments, or a surface (3-D) of n × n quads or 2 n × n triangles over the unit square, y = shape(x, z).
-/// `up`: the body lies below (normal +y), otherwise above.
+/// A curve (2-D) of n segments, or a surface (3-D) of n × n quads or 2 n × n triangles over the unit square,
+/// y = shape(x, z). `up`: the body lies below (normal +y), otherwise above.
 template <int dim>
-InterfaceFaces<dim> sheet(int n, bool up, unsigned seed, const std::function<double(double, double)>& shape, bool triangles)
+InterfaceFaces<dim> sheet(int n, bool up, unsigned seed, const std::function<double(double, double)>& shape,
+                          bool triangles)
 {
   InterfaceFaces<dim> side;
   const auto s = uneven(n, seed);
@@ -129,35 +130,41 @@ Transfer<dim> transfer(const InterfaceFaces<dim>& multiplier, const InterfaceFac
 
 } // namespace
 
-// Rows of C sum to D (Σ_c N_c = 1), so uniform velocity passes unchanged and forces cancel, with any mesh, flat or curved.
-// Sums of about 100 terms: 1e-14.
-TEMPLATE_TEST_CASE_SIG("forces cancel and rigid translation passes on any pair of meshes", "[coupler][unit]", ((int dim), dim),
-                       2, 3)
+// Rows of C sum to D (Σ_c N_c = 1), so uniform velocity passes unchanged and forces cancel, with any mesh,
+// flat or curved. Sums of about 100 terms: 1e-14.
+TEMPLATE_TEST_CASE_SIG("forces cancel and rigid translation passes on any pair of meshes", "[coupler][unit]",
+                       ((int dim), dim), 2, 3)
 {
   const auto [n_m, n_o] = GENERATE(table<int, int>({{5, 8}, {8, 5}, {4, 13}, {6, 6}}));
   const bool curved = GENERATE(false, true), triangles = GENERATE(false, true);
-  const std::function<double(double, double)> shape = curved ? std::function<double(double, double)>(wave) : flat;
-  const auto t = transfer<dim>(sheet<dim>(n_m, true, 1, shape, triangles), sheet<dim>(n_o, false, 7, shape, !triangles));
+  const std::function<double(double, double)> shape =
+      curved ? std::function<double(double, double)>(wave) : flat;
+  const auto t =
+      transfer<dim>(sheet<dim>(n_m, true, 1, shape, triangles), sheet<dim>(n_o, false, 7, shape, !triangles));
   CAPTURE(n_m, n_o, curved, t.worst_force_sum, t.worst_row_sum);
   CHECK(t.worst_force_sum < 1e-14);
   CHECK(t.worst_row_sum < 1e-12); // D of a face that is hardly covered is small
 }
 
-// Patch test: a uniform traction on the multiplier side arrives as the consistent nodal forces ∫N of the other side, because Σ_a Ψ_a = 1
-// and the segmentation integrates piecewise polynomials of degree ≤ 4 exactly.
-TEMPLATE_TEST_CASE_SIG("flat non-matching meshes pass the patch test", "[coupler][unit]", ((int dim), dim), 2, 3)
+// Patch test: a uniform traction on the multiplier side arrives as the consistent nodal forces ∫N of the
+// other side, because Σ_a Ψ_a = 1 and the segmentation integrates piecewise polynomials of degree ≤ 4
+// exactly.
+TEMPLATE_TEST_CASE_SIG("flat non-matching meshes pass the patch test", "[coupler][unit]", ((int dim), dim), 2,
+                       3)
 {
   const auto [n_m, n_o] = GENERATE(table<int, int>({{5, 8}, {8, 5}, {4, 13}, {20, 33}}));
   if (dim == 3 && n_m > 10)
     return;
   const bool triangles = GENERATE(false, true);
-  const auto t = transfer<dim>(sheet<dim>(n_m, true, 1, flat, triangles), sheet<dim>(n_o, false, 7, flat, !triangles));
+  const auto t =
+      transfer<dim>(sheet<dim>(n_m, true, 1, flat, triangles), sheet<dim>(n_o, false, 7, flat, !triangles));
   CAPTURE(n_m, n_o, t.patch, t.moment);
   CHECK(t.patch < 1e-12);
   CHECK(t.moment < 1e-12);
 }
 
-// On a curved interface the two polygons do not coincide: the force is exact, the moment is off by force × gap² effects.
+// On a curved interface the two polygons do not coincide: the force is exact, the moment is off by force ×
+// gap² effects.
 TEST_CASE("the moment across a curved interface is right to the gap between the polygons", "[coupler][unit]")
 {
   const auto t = transfer<2>(sheet<2>(33, true, 1, wave, false), sheet<2>(20, false, 7, wave, false));
@@ -165,9 +172,10 @@ TEST_CASE("the moment across a curved interface is right to the gap between the 
   CHECK(t.moment < 1e-5);
 }
 
-// Linear fields are in both trace spaces, so the dual projection reproduces them: D v_mult = C v_other at every multiplier.
-TEMPLATE_TEST_CASE_SIG("a linear velocity field passes exactly through flat non-matching meshes", "[coupler][unit]",
-                       ((int dim), dim), 2, 3)
+// Linear fields are in both trace spaces, so the dual projection reproduces them: D v_mult = C v_other at
+// every multiplier.
+TEMPLATE_TEST_CASE_SIG("a linear velocity field passes exactly through flat non-matching meshes",
+                       "[coupler][unit]", ((int dim), dim), 2, 3)
 {
   const auto a = sheet<dim>(7, true, 1, flat, true), b = sheet<dim>(11, false, 7, flat, false);
   const auto m = integrate_mortar<dim>(a, b, 0.5);
@@ -183,8 +191,9 @@ TEMPLATE_TEST_CASE_SIG("a linear velocity field passes exactly through flat non-
   CHECK(m.covered[1] == Approx(1.0).epsilon(1e-12));
 }
 
-// A closed polygon under uniform pressure: with nodal normals of slip and D n as forces, the other side gets −C n; the sum of
-// both vanishes identically, and so does each by itself for a closed curve whose nodal normals are symmetric.
+// A closed polygon under uniform pressure: with nodal normals of slip and D n as forces, the other side gets
+// −C n; the sum of both vanishes identically, and so does each by itself for a closed curve whose nodal
+// normals are symmetric.
 TEST_CASE("uniform pressure on a closed curved interface gives no net force", "[coupler][unit]")
 {
   const auto ring = [](int n, bool outward, double phase)
@@ -236,4 +245,34 @@ TEST_CASE("coverage and gap are reported, and faces that look the same way do no
   for (auto& f : b.faces)
     std::reverse(f.begin(), f.end());
   CHECK(integrate_mortar<2>(a, b, 0.1).D.empty());
+}
+
+// Both sides held in x at the ends of an interface: those rows carry no constraint, and no entry of either
+// condensed operator tells so.
+TEST_CASE("an interface whose ends are held on both sides has a positive definite operator",
+          "[coupler][unit]")
+{
+  const auto a = sheet<2>(2, true, 1, flat, false), b = sheet<2>(1, false, 7, flat, false);
+  ConstraintRows rows;
+  append_constraints<2>(integrate_mortar<2>(a, b, 0.5), Side::solid, InterfaceKind::no_slip, rows);
+  std::array<InterfaceSide, 2> side;
+  for (const Side s : both_sides)
+  {
+    const int n = s == Side::solid ? 3 : 2;
+    side[s].L = SparseMatrix(rows.count, 2 * n);
+    side[s].L.setFromTriplets(rows.entries[s].begin(), rows.entries[s].end());
+    side[s].inverse_mass = SparseMatrix(2 * n, 2 * n);
+    for (int k = 0; k < n; ++k)
+    {
+      if (k > 0 && k + 1 < n)
+        side[s].inverse_mass.insert(2 * k, 2 * k) = 2.0;
+      side[s].inverse_mass.insert(2 * k + 1, 2 * k + 1) = 2.0;
+    }
+  }
+  InterfaceOperator H(side[Side::fluid], side[Side::solid]);
+  const Vector lambda = H.solve(0.1, 0.2, Vector::Ones(rows.count));
+  CHECK(lambda.allFinite());
+  CHECK(lambda[0] == 0.0); // x of the first end
+  CHECK(lambda[4] == 0.0); // x of the last end
+  CHECK(lambda[2] != 0.0);
 }

@@ -55,7 +55,8 @@ TEST_CASE("small changes of the limits change nothing", "[coupler][unit]")
   const auto held = planner.next(1e-5, 0.98e-3); // falls once, then holds with a reserve
   for (int k = 0; k < 200; ++k)
   {
-    const auto plan = planner.next(1e-5 * (1.0 + 0.01 * std::sin(k)), 0.98e-3 * (1.015 + 0.015 * std::sin(0.3 * k)));
+    const auto plan =
+        planner.next(1e-5 * (1.0 + 0.01 * std::sin(k)), 0.98e-3 * (1.015 + 0.015 * std::sin(0.3 * k)));
     CHECK(plan.steps.coarse_dt == held.steps.coarse_dt);
     CHECK(plan.steps.m <= held.steps.m + 2);
     CHECK(plan.steps.m >= held.steps.m);

@@ -42,7 +42,8 @@ struct Series
 
   double at(double time) const
   {
-    const auto k = std::min<std::size_t>(static_cast<std::size_t>(std::lower_bound(t.begin(), t.end(), time) - t.begin()), t.size() - 1);
+    const auto k = std::min<std::size_t>(
+        static_cast<std::size_t>(std::lower_bound(t.begin(), t.end(), time) - t.begin()), t.size() - 1);
     if (k == 0)
       return y[0];
     return y[k - 1] + (y[k] - y[k - 1]) * (time - t[k - 1]) / (t[k] - t[k - 1]);
@@ -77,7 +78,8 @@ double standing_wave_period_error(int n)
   const double pi = std::acos(-1.0), omega = std::sqrt(9.81 * pi * std::tanh(pi)), a = 0.01;
   std::vector<Vec<2>> v;
   for (const auto& x : fluid.nodes().x)
-    v.push_back({{-a * omega * std::cosh(pi * x[1]) / std::sinh(pi) * std::sin(pi * x[0]), a * omega * std::sinh(pi * x[1]) / std::sinh(pi) * std::cos(pi * x[0])}});
+    v.push_back({{-a * omega * std::cosh(pi * x[1]) / std::sinh(pi) * std::sin(pi * x[0]),
+                  a * omega * std::sinh(pi * x[1]) / std::sinh(pi) * std::cos(pi * x[0])}});
   fluid.set_velocity(v);
   global_index_t corner = 0;
   for (std::size_t k = 0; k < fluid.nodes().x.size(); ++k)
@@ -89,7 +91,8 @@ double standing_wave_period_error(int n)
                {
                  const auto it = std::find(f.nodes().id.begin(), f.nodes().id.end(), corner);
                  height.t.push_back(t);
-                 height.y.push_back(f.nodes().x[static_cast<std::size_t>(it - f.nodes().id.begin())][1] - 1.0);
+                 height.y.push_back(f.nodes().x[static_cast<std::size_t>(it - f.nodes().id.begin())][1] -
+                                    1.0);
                });
   // linear theory, 1.133918 s; compressibility adds 1.8e-5 and the amplitude (ka)²/8 = 1.2e-4
   return height.period(0.0) / (2.0 * pi / omega * (1.0 + 1.4e-4)) - 1.0;
@@ -97,7 +100,8 @@ double standing_wave_period_error(int n)
 
 } // namespace
 
-// Truth: linear sloshing with its two small corrections. Second order in the spacing; 3.5e-3 at 20 nodes per half wave.
+// Truth: linear sloshing with its two small corrections. Second order in the spacing; 3.5e-3 at 20 nodes per
+// half wave.
 TEST_CASE("a standing wave has the period of theory, to second order", "[fluid][verification]")
 {
   const double coarse = standing_wave_period_error(10), fine = standing_wave_period_error(20);
@@ -106,7 +110,8 @@ TEST_CASE("a standing wave has the period of theory, to second order", "[fluid][
   CHECK(std::log2(std::abs(coarse / fine)) > 1.7);
 }
 
-// Truth: an inviscid drop in the force −Ω² r stays an ellipse and repeats after 4.82734/Ω. 0.5 % for the period and the area; mass is exact.
+// Truth: an inviscid drop in the force −Ω² r stays an ellipse and repeats after 4.82734/Ω. 0.5 % for the
+// period and the area; mass is exact.
 TEST_CASE("a drop in a central force oscillates with its period and keeps its area", "[fluid][verification]")
 {
   FluidConfig config = hydraulic(0.1, 15.0);
@@ -135,9 +140,11 @@ TEST_CASE("a drop in a central force oscillates with its period and keeps its ar
   CHECK(std::abs(fluid.mass() / M - 1.0) < 1e-11);
 }
 
-// Truth: the converged front of the free-slip, suddenly released column, Z(1.98) = 2.65 ± 0.03 and Z(2.51) = 3.38 ± 0.04 (T = t√(2g/a)),
-// the same for all resolutions; then the splash: particle mass to round-off, volume within 2 % at any instant.
-TEST_CASE("a dam break has the converged front, and its splash keeps mass and volume", "[fluid][verification]")
+// Truth: the converged front of the free-slip, suddenly released column, Z(1.98) = 2.65 ± 0.03 and Z(2.51)
+// = 3.38 ± 0.04 (T = t√(2g/a)), the same for all resolutions; then the splash: particle mass to round-off,
+// volume within 2 % at any instant.
+TEST_CASE("a dam break has the converged front, and its splash keeps mass and volume",
+          "[fluid][verification]")
 {
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
   FluidConfig config = hydraulic(a / 16.0, 10.0 * std::sqrt(g * 2.0 * a));
@@ -155,11 +162,13 @@ TEST_CASE("a dam break has the converged front, and its splash keeps mass and vo
                  front.y.push_back(front_of(f) / a);
                  const FluidMass m = f.mass_by_state();
                  const double error = std::abs(1000.0 * m.volume / m.meshed - 1.0);
-                 (t < 3.0 * T ? before_impact : largest) = std::max(t < 3.0 * T ? before_impact : largest, error);
+                 (t < 3.0 * T ? before_impact : largest) =
+                     std::max(t < 3.0 * T ? before_impact : largest, error);
                  for (const auto& x : f.nodes().x)
                    furthest_out = std::max({furthest_out, -x[0], -x[1], x[0] - 4.0 * a});
                });
-  CAPTURE(front.at(1.98 * T), front.at(2.51 * T), before_impact, largest, furthest_out, fluid.mass() / M - 1.0, fluid.remeshes());
+  CAPTURE(front.at(1.98 * T), front.at(2.51 * T), before_impact, largest, furthest_out,
+          fluid.mass() / M - 1.0, fluid.remeshes());
   CHECK(front.at(1.98 * T) == Approx(2.65).margin(0.03));
   CHECK(front.at(2.51 * T) == Approx(3.38).margin(0.04));
   CHECK(before_impact < 0.005);
@@ -168,8 +177,9 @@ TEST_CASE("a dam break has the converged front, and its splash keeps mass and vo
   CHECK(std::abs(fluid.mass() / M - 1.0) < 1e-11);
 }
 
-// Truth: barotropic rest. The tank is met by sliding contact on all sides and triangulated again every 50 steps; with a regular mesh the
-// error decays to that of the lumped profile, (gH/c²)(h/H)² ≈ 6e-6 at 40 nodes, 2.5e-5 at 20; three times that.
+// Truth: barotropic rest. The tank is met by sliding contact on all sides and triangulated again every 50
+// steps; with a regular mesh the error decays to that of the lumped profile, (gH/c²)(h/H)² ≈ 6e-6 at 40
+// nodes, 2.5e-5 at 20; three times that.
 TEST_CASE("water in a tank stays at rest however often it is triangulated", "[fluid][verification]")
 {
   FluidConfig config = hydraulic(0.05, 31.32);
@@ -183,7 +193,8 @@ TEST_CASE("water in a tank stays at rest however often it is triangulated", "[fl
   double error = 0.0, scale = 0.0;
   for (std::size_t n = 0; n < fluid.nodes().x.size(); ++n)
   {
-    const double p = config.tait.pressure(config.tait.hydrostatic_density(9.81 * std::max(0.0, 1.0 - fluid.nodes().x[n][1])));
+    const double p = config.tait.pressure(
+        config.tait.hydrostatic_density(9.81 * std::max(0.0, 1.0 - fluid.nodes().x[n][1])));
     error += fluid.nodes().V[n] * std::pow(fluid.nodes().p[n] - p, 2);
     scale += fluid.nodes().V[n] * p * p;
   }
@@ -192,12 +203,14 @@ TEST_CASE("water in a tank stays at rest however often it is triangulated", "[fl
   CHECK(std::sqrt(error / scale) < 7.5e-5);
 }
 
-// A node thrown into a corner, at a slope and at a plane ends on the fluid's side and keeps its tangential velocity.
+// A node thrown into a corner, at a slope and at a plane ends on the fluid's side and keeps its tangential
+// velocity.
 TEST_CASE("nodes slide along walls, stop in corners and are free to leave", "[fluid][unit]")
 {
   WallGeometry geometry = tank(1.0);
   Walls<2> walls({geometry}, 0.1, 0.0);
-  std::vector<Vec<2>> x{{{0.05, 0.05}}, {{0.5, 0.02}}, {{0.5, 0.0}}}, v{{{-8.0, -6.0}}, {{2.0, -5.0}}, {{0.3, 1.0}}}, a(3);
+  std::vector<Vec<2>> x{{{0.05, 0.05}}, {{0.5, 0.02}}, {{0.5, 0.0}}},
+      v{{{-8.0, -6.0}}, {{2.0, -5.0}}, {{0.3, 1.0}}}, a(3);
   const std::vector<double> m{1.0, 2.0, 3.0};
   walls.find_candidates(x, 0.5);
   walls.contact(0.01, x, v, m, a, 0.01);

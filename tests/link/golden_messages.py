@@ -62,13 +62,14 @@ def messages():
         "fail": message(14, struct.pack("<i", 10) + string("element 17 is inverted")),
         "ping": message(15, b""),
         "kinematics": message(16, array("d", [1.0, 2.0]) + array("d", [3.0, 4.0])),
+        "motion": message(19, array("d", [0.5, 0.25]) + array("d", [3.0, 4.0])),
         "activation_impulse": message(17, array("d", [5.0, 6.0]) + array("d", [7.0, 8.0])),
         "hello": (b"\x89FSI\r\n\x1a\n" + struct.pack("<HHIBBBQQii", 1, 0, 0x01020304, 4, 8, 2, 6, 0x1122334455667788, 3, 4711)
                   + b"solid".ljust(32, b"\0") + b"GetFEM 5.4.2".ljust(96, b"\0") + b"node7".ljust(64, b"\0")
                   + b"coupler".ljust(128, b"\0")).ljust(512, b"\0"),
         "roster": (b"\x89FSR\r\n\x1a\n" + struct.pack("<HHi", 1, 0, 0) + string("") + struct.pack("<Q", 2)
-                   + string("coupler") + string("undine 0.1.0") + string("node1")
-                   + string("solid") + string("GetFEM 5.4.2") + string("node7")),
+                   + string("coupler") + string("undine 0.1.0") + string("node1") + struct.pack("<Q", 0)
+                   + string("solid") + string("GetFEM 5.4.2") + string("node7") + struct.pack("<Q", 6)),
         "roster_with_error": (b"\x89FSR\r\n\x1a\n" + struct.pack("<HHi", 1, 0, 35)
                               + string("no program with role 'solid'")),
     }

@@ -182,7 +182,7 @@ constexpr MessageType all_types[] = {
     MessageType::link_force,      MessageType::mesh_update,  MessageType::checkpoint,
     MessageType::checkpoint_done, MessageType::stop_request, MessageType::bye,
     MessageType::bye_ack,         MessageType::kinematics,   MessageType::activation_impulse,
-    MessageType::surface};
+    MessageType::surface,         MessageType::motion};
 
 } // namespace
 
@@ -286,6 +286,62 @@ TEST_CASE("a whole conversation: what one end sends is what the other receives",
   CHECK(link.stop_requested());
   CHECK(link.stop_reason() == "SIGTERM");
   CHECK(link.wait_seconds() > 0.0);
+}
+
+TEST_CASE("at level A forces go out and positions and velocities come back", "[link][unit]")
+{
+  auto [for_solver, for_coupler] = memory_channel();
+  std::string trouble;
+  std::thread solver(
+      [&, channel = std::move(for_solver)]() mutable
+      {
+        try
+        {
+          SolverLink link(std::move(channel));
+          link.receive_setup();
+          link.send_mesh(small_mesh());
+          const auto refused = samples::error_of([&] { link.send_report(quiet_report()); });
+          if (refused.code() != 37)
+            trouble = "a report was sent before the first motion";
+          std::vector<double> f(values.size());
+          Motion motion{.x = values, .v = values};
+          link.send_motion(motion);
+          link.send_report(quiet_report());
+          while (const auto w = link.next_window())
+          {
+            link.receive_link_force(f);
+            for (std::size_t k = 0; k < f.size(); ++k)
+              motion.v[k] += f[k];
+            link.send_motion(motion);
+            link.send_report(quiet_report());
+          }
+        }
+        catch (const std::exception& error)
+        {
+          trouble = error.what();
+        }
+      });
+
+  PartnerLink link(std::move(for_coupler), "solid");
+  Setup forces = setup();
+  forces.scheme = staggered_scheme;
+  link.send_setup(forces);
+  link.receive_mesh();
+  link.accept_mesh();
+  CHECK(link.receive_motion().x == values);
+  link.receive_report();
+  const std::vector<double> f(values.size(), 0.5);
+  for (int k = 0; k < 20; ++k)
+  {
+    link.send_window({.index = k, .t_begin = 0.5 + 0.25 * k, .t_end = 0.75 + 0.25 * k, .last = k == 19});
+    CHECK(samples::error_of([&] { link.receive_motion(); }).code() == 1); // the force comes first
+    link.send_link_force(f);
+    CHECK(link.receive_motion().v[0] == Approx(values[0] + 0.5 * (k + 1)));
+    link.receive_report();
+  }
+  link.send_bye();
+  solver.join();
+  CHECK(trouble == "");
 }
 
 TEST_CASE("the coupler refuses every message that the state does not allow, and names both", "[link][unit]")

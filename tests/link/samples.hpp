@@ -59,6 +59,7 @@ inline Window window()
 inline std::vector<double> vector() { return {0.0, -1.0, 2.5, 1e-300, 1e300, -0.0}; }
 inline Kinematics kinematics() { return {.v = {1.0, 2.0}, .a_free = {3.0, 4.0}}; }
 inline Activation activation() { return {.impulse = {5.0, 6.0}, .link_force = {7.0, 8.0}}; }
+inline Motion motion() { return {.x = {0.5, 0.25}, .v = {3.0, 4.0}}; }
 inline wire::Failed failed() { return {.code = 10, .text = "element 17 is inverted"}; }
 
 /// A sealed message with whatever `fill(Writer&)` writes.

@@ -58,7 +58,8 @@ std::vector<std::pair<const char*, std::function<void(std::span<const std::byte>
           {"kinematics", [=](auto bytes) { wire::read_kinematics(reader(bytes), 2); }},
           {"activation", [=](auto bytes) { wire::read_activation(reader(bytes), 2); }},
           {"fail", [=](auto bytes) { wire::read_failed(reader(bytes)); }},
-          {"reason", [=](auto bytes) { wire::read_reason(reader(bytes)); }}};
+          {"reason", [=](auto bytes) { wire::read_reason(reader(bytes)); }},
+          {"motion", [=](auto bytes) { wire::read_motion(reader(bytes), 2); }}};
 }
 
 std::vector<Bytes> payloads()
@@ -67,7 +68,8 @@ std::vector<Bytes> payloads()
   wire::Writer(reason).string("SIGTERM");
   return {payload_of(setup()),      payload_of(mesh()),   payload_of(mesh_reply()),
           payload_of(report()),     payload_of(window()), payload_of(kinematics()),
-          payload_of(activation()), payload_of(failed()), reason};
+          payload_of(activation()), payload_of(failed()), reason,
+          payload_of(motion())};
 }
 
 } // namespace
@@ -121,6 +123,7 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   CHECK(hex(empty_message(ping)) == golden::ping);
   CHECK(hex(message_of(header(MessageType::kinematics), samples::kinematics())) == golden::kinematics);
   CHECK(hex(message_of(header(activation_impulse), activation())) == golden::activation_impulse);
+  CHECK(hex(message_of(header(MessageType::motion), samples::motion())) == golden::motion);
 }
 
 TEST_CASE("HELLO and ROSTER have the bytes of the independent packer", "[link][unit]")
@@ -143,9 +146,10 @@ TEST_CASE("HELLO and ROSTER have the bytes of the independent packer", "[link][u
   CHECK(encode(back) == bytes);
   CHECK(back.partners == hello.partners);
 
-  const Roster roster{.major = 1,
-                      .text = "",
-                      .ranks = {{"coupler", "undine 0.1.0", "node1"}, {"solid", "GetFEM 5.4.2", "node7"}}};
+  const Roster roster{
+      .major = 1,
+      .text = "",
+      .ranks = {{"coupler", "undine 0.1.0", "node1", 0}, {"solid", "GetFEM 5.4.2", "node7", 6}}};
   CHECK(hex(encode(roster)) == golden::roster);
   CHECK(encode(decode_roster(encode(roster))) == encode(roster));
 
@@ -167,6 +171,7 @@ TEST_CASE("what is written is what is read", "[link][unit]")
   CHECK(payload_of(wire::read_activation(reader(sent[6]), 2)) == sent[6]);
   CHECK(payload_of(wire::read_failed(reader(sent[7]))) == sent[7]);
   CHECK(wire::read_reason(reader(sent[8])) == "SIGTERM");
+  CHECK(payload_of(wire::read_motion(reader(sent[9]), 2)) == sent[9]);
 }
 
 TEST_CASE("a header comes back as it was sealed", "[link][unit]")

@@ -130,6 +130,8 @@ class SystemTest(unittest.TestCase):
             text = text.replace(old, new, 1)
         path = self.folder / name
         path.write_text(text)
+        if not (self.folder / "reference").exists():
+            (self.folder / "reference").symlink_to(COLUMN.parent / "reference")
         return path
 
 

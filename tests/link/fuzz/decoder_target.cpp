@@ -128,8 +128,9 @@ void feed(std::uint8_t which, std::span<const std::byte> bytes)
   case 0:
     return round_trip(bytes, wire::read_setup);
   case 1:
-  case 2:
     return round_trip(bytes, wire::read_surface_mesh);
+  case 2:
+    return round_trip(bytes, [](wire::Reader in) { return wire::read_motion(std::move(in), 2); });
   case 3:
     return round_trip(bytes, wire::read_mesh_reply);
   case 4:

@@ -89,7 +89,7 @@ std::vector<Input> seeds()
   using namespace golden;
   return {payload(0, setup),
           payload(1, mesh),
-          payload(2, mesh_update),
+          payload(2, motion),
           payload(3, mesh_reply),
           payload(4, ready),
           payload(5, window),
