@@ -223,6 +223,8 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
                      non_negative());
     config.traction.push_back(std::move(traction));
   }
+  config.rigid =
+      solid.texts({"rigid", "", "surfaces or node sets, each of which moves as one rigid body"}, {});
   for (const auto& table : solid.tables("pressure", "pressure on the deformed surface"))
   {
     PressureConfig pressure;

@@ -73,6 +73,12 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
           driven_.push_back({static_cast<std::size_t>(node), i, 0.0, function, prescribed.v[i]});
       }
 
+  for (std::size_t k = 0; k < config.rigid.size(); ++k)
+  {
+    const std::string key = "solid.rigid[" + std::to_string(k) + "]";
+    rigid_.emplace_back(find_nodes(reference_.mesh, config.rigid[k], key), reference_.n_wet, key, nodes_);
+  }
+
   F_int_.resize(n);
   F_ext_.resize(n);
   if (!formula_loads_.empty() || !body_force_.empty())
@@ -117,6 +123,12 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
       if (nodes_.inverse_mass[n][i] > 0.0) // prescribed components keep their velocity
         nodes_.v[n][i] = v_n[i];
   }
+  for (auto& body : rigid_)
+  {
+    for (const auto n : body.members())
+      nodes_.v[n] = v(nodes_.X[n]);
+    body.start(nodes_);
+  }
   for (auto& driven : driven_)
     if (driven.function >= 0)
       nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
@@ -137,6 +149,7 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
     add_viscous_force_of(part);
   }
   move_free(0.0, 0, nodes_.size());
+  solve_rigid_bodies(0.0);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
   start_balances();
@@ -172,6 +185,8 @@ void Solid<dim>::predict(double dt)
     nodes_.v[n] += half * nodes_.a[n];
     nodes_.u[n] += dt * nodes_.v[n];
   }
+  for (auto& body : rigid_)
+    body.predict(dt, nodes_);
   for (auto& driven : driven_)
     if (driven.function >= 0) // the velocity in the middle of the step moves the node
     {
@@ -222,6 +237,7 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
   add_viscous_force_of(Part::interior);
   count_works(dt);
   move_free(dt, reference_.n_wet, nodes_.size());
+  solve_rigid_bodies(dt);
 
   for (auto& driven : driven_)
   {
@@ -506,6 +522,22 @@ void Solid<dim>::update_external_force(double t)
     load.add(t, nodes_.X, nodes_.u, F_formula_);
   for (std::size_t n = 0; n < F_ext_.size(); ++n)
     F_ext_[n] += F_formula_[n];
+}
+
+template <int dim>
+void Solid<dim>::solve_rigid_bodies(double dt)
+{
+  for (auto& body : rigid_)
+    body.solve(
+        dt,
+        [&](std::size_t n)
+        {
+          Vec<dim> f = F_ext_[n] - F_int_[n];
+          for (int i = 0; i < dim; ++i)
+            f[i] -= opposing(n, i);
+          return f;
+        },
+        nodes_);
 }
 
 template <int dim>

@@ -7,6 +7,7 @@
 #include "solid_fe/contact.hpp"
 #include "solid_fe/damping.hpp"
 #include "solid_fe/internal_force.hpp"
+#include "solid_fe/rigid_body.hpp"
 #include "solid_fe/solid_config.hpp"
 #include "solid_fe/solid_nodes.hpp"
 #include "solid_fe/wet_surface.hpp"
@@ -105,6 +106,7 @@ public:
     return reference_.number;
   } ///< of each node in the mesh it was made from
   index_t n_elements() const;
+  const std::vector<RigidBody<dim>>& rigid_bodies() const { return rigid_; }
   /// Walls and contact pairs; null if the case has none.
   const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
@@ -126,6 +128,7 @@ private:
   void add_viscous_force_of(Part part);
   void add_contact_force(double dt);
   void count_works(double dt);
+  void solve_rigid_bodies(double dt);
   double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
@@ -145,6 +148,7 @@ private:
   bool loads_are_full_ = false;
   Damping damping_;
   std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping
+  std::vector<RigidBody<dim>> rigid_;
   std::optional<Contact<dim>> contact_;
   std::vector<Vec<dim>> F_contact_, F_contact_old_; ///< [N]; empty without contact
   std::vector<FormulaLoad<dim>> formula_loads_;

@@ -96,6 +96,7 @@ struct SolidConfig
   std::vector<PressureConfig> pressure;
   std::vector<WallConfig> wall;
   std::vector<ContactConfig> contact;
+  std::vector<std::string> rigid; ///< surfaces or node sets, each of which moves as one rigid body
   double contact_stiffness = 0.1; ///< penalty stiffness relative to ω² m
   std::vector<WetConfig> wet;
   double step_safety = 0.9; ///< fraction of the stable step that is offered

@@ -363,7 +363,7 @@ TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[sol
     config.wall.push_back({.point = {0.0, 0.0}, .normal = {0.0, 1.0}, .friction = 0.0, .on = ""});
     Solid<2> solid(config, box_mesh<2>({}, {{3.2e-3, 32.4e-3}}, {10, 50}, ElementType::quadrilateral4));
     const auto [L, R] = taylor(solid);
-    WARN("Taylor axisymmetric 10 x 50 "
+    INFO("Taylor axisymmetric 10 x 50 "
          << (formulation == Formulation::one_point ? "one point" : "locking free") << ": L " << 1e3 * L
          << " mm, R " << 1e3 * R << " mm, " << solid.steps() << " steps");
     CHECK(std::abs(L / 21.44e-3 - 1.0) < 0.01);
@@ -391,7 +391,7 @@ TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification]")
   }
   Solid<3> solid(config, mesh);
   const auto [L, R] = taylor(solid);
-  WARN("Taylor 3-D 5 x 5 x 25: L " << 1e3 * L << " mm, R " << 1e3 * R << " mm, " << solid.steps()
+  INFO("Taylor 3-D 5 x 5 x 25: L " << 1e3 * L << " mm, R " << 1e3 * R << " mm, " << solid.steps()
                                    << " steps");
   CHECK(std::abs(L / 21.44e-3 - 1.0) < 0.01);
   CHECK(std::abs(R / 7.18e-3 - 1.0) < 0.05);

@@ -105,3 +105,65 @@ TEST_CASE("wrong values of the solid are refused with key and rule", "[solid][un
   CHECK_THROWS_WITH(read("[run]\nt_end = 1\n"), Catch::Contains("no [solid] table"));
   CHECK_THROWS_AS(read(minimal + "step_safety = 1.5\n"), InputError);
 }
+
+TEST_CASE("plastic laws, forms, contact and formulas arrive", "[solid][unit]")
+{
+  const auto config = read(minimal + R"case(law = "j2"
+hardening_table = [0.0, 3e8, 0.1, 4e8]
+plane = "axisymmetric"
+formulation = "one_point"
+hourglass_stiffness = 0.01
+hourglass_viscosity = 0.05
+mass_damping = 2.0
+stiffness_damping = 1e-6
+body_force_function = ["0", "-9.81*x"]
+initial_velocity_function = ["y", "t"]
+rigid = ["top"]
+contact_stiffness = 0.2
+[[solid.velocity]]
+on = "left"
+function = ["sin(t)", "0"]
+[[solid.traction]]
+on = "right"
+function = ["x", "y"]
+[[solid.pressure]]
+on = "right"
+function = "1e5*t"
+[[solid.wall]]
+point = [0.0, -1.0]
+normal = [0.0, 1.0]
+friction = 0.3
+[[solid.contact]]
+nodes = "top"
+surface = "bottom"
+)case");
+  CHECK(config.material.hardening_table == std::vector<double>{0.0, 3e8, 0.1, 4e8});
+  CHECK(config.plane == PlaneKind::axisymmetric);
+  CHECK(config.formulation == Formulation::one_point);
+  CHECK(config.hourglass_stiffness == 0.01);
+  CHECK(config.hourglass_viscosity == 0.05);
+  CHECK(config.material.mass_damping == 2.0);
+  CHECK(config.material.stiffness_damping == 1e-6);
+  CHECK(config.body_force_function.size() == 2);
+  CHECK(config.initial_velocity_function[1] == "t");
+  CHECK(config.rigid == std::vector<std::string>{"top"});
+  CHECK(config.contact_stiffness == 0.2);
+  CHECK(config.velocity[0].function[0] == "sin(t)");
+  CHECK(config.traction[0].function[1] == "y");
+  CHECK(config.pressure[0].function == "1e5*t");
+  CHECK(config.wall[0].friction == 0.3);
+  CHECK(config.contact[0].surface == "bottom");
+  CHECK(read(minimal + "law = \"johnson_cook\"\nyield_stress = 9e7\nhardening_exponent = 0.3\n")
+            .material.hardening_exponent == 0.3);
+}
+
+TEST_CASE("mistakes in plasticity and formulas are told", "[solid][unit]")
+{
+  CHECK_THROWS_WITH(read(minimal + "law = \"j2\"\n"), Catch::Contains("yield_stress"));
+  CHECK_THROWS_WITH(read(minimal + "law = \"j2\"\nhardening_table = [0.1, 3e8]\n"),
+                    Catch::Contains("ascending from 0"));
+  CHECK_THROWS_WITH(read(minimal + "yield_stress = 1e8\n"),
+                    Catch::Contains("yield_stress")); // no key of this law
+  CHECK_THROWS_WITH(read(minimal + "body_force_function = [\"x\"]\n"),
+                    Catch::Contains("one formula per component"));
+}
