@@ -52,6 +52,7 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
 
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Summary summary;
+  summary.set("fluid.t_end", fluid.time());
   summary.set("fluid.steps", fluid.steps());
   summary.set("fluid.wall_s", wall);
   summary.set("fluid.wait_s", wait);

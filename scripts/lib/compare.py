@@ -17,7 +17,8 @@ REFERENCE_KEYS = {
     "value": ("text", "required", "its column of values"),
     "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
                                     "period_of_minima: relative difference of the mean time between minima; "
-                                    "final_value: relative difference of the last values"),
+                                    "final_value: relative difference of the last values; "
+                                    "shown: only drawn, for curves that are no truth for this model"),
     "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
     "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
     "label": ("text", "the value's name", "name in the legend of the plot"),
@@ -124,7 +125,7 @@ def period(t, y):
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
 
 
-MEASURES = ("relative_L2", "period_of_minima", "final_value")
+MEASURES = ("relative_L2", "period_of_minima", "final_value", "shown")
 
 
 def measure(kind, t, y, t_ref, y_ref):
@@ -164,7 +165,7 @@ def energy_changes_per_period(out, length):
 def compare_all(case, settings, out):
     results = []
     for reference in settings.get("reference", []):
-        if not applies(reference, settings):
+        if not applies(reference, settings) or reference["measure"] == "shown":
             continue
         value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings))
         results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
@@ -173,7 +174,7 @@ def compare_all(case, settings, out):
 
 
 def print_table(summary, out):
-    parts = [f"{summary.get('status')}: t = {summary.get('t_end', float('nan')):.6g} s in {summary['wall_s']:.3g} s"]
+    parts = [f"{summary.get('status')}: t = {summary.get('t_end') or float('nan'):.6g} s in {summary['wall_s']:.3g} s"]
     if "windows" in summary:
         parts.append(f"{summary['windows']} windows of up to {summary['substeps']} sub-steps")
     print(", ".join(parts))
