@@ -213,7 +213,7 @@ def main():
         return 0 if code == 0 else (code if code in (2, 4) else 20)
 
     out.mkdir(parents=True, exist_ok=True)
-    for old in list(out.glob("*.json")) + [out / "FAILED.toml"]:
+    for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:
         old.unlink(missing_ok=True)
     for old in ("history", "plots"):
         shutil.rmtree(out / old, ignore_errors=True)
@@ -234,8 +234,9 @@ def main():
         print(f"the run failed with exit code {code}; see {out}/*.log{failed}", file=sys.stderr)
         return code
     if not args.no_plots:
-        from lib import plots
+        from lib import plots, report
         plots.draw_all(case, settings, out)
+        report.write(case, settings, out, summary, shlex.join(lines[0]))
     compare.print_table(summary, out)
     return 0
 
