@@ -111,7 +111,7 @@ class BadInput(programs.SystemTest):
         self.expect(self.folder / "nowhere" / "case.toml", [f"{self.folder}/nowhere/case.toml"], code=4)
 
     def test_separation_needs_the_whole_boundary(self):
-        self.expect_change("separation = false", "separation = true", ["interface[0].fluid", 'write fluid = "boundary"'], "bottom")
+        self.expect_change("separation = false", "separation = true", ["interface[0].fluid", 'write fluid = "boundary"'], '"bottom"', place='fluid = "bottom"')
 
 
 class Check(programs.SystemTest):
