@@ -107,11 +107,13 @@ void CouplerOutput::observe(const WindowRecord& r)
   largest_window_ = std::max(largest_window_, r.plan.steps.coarse_dt);
   stalled_ = r.plan.steps.coarse_dt < collapsed * largest_window_ && !r.plan.last ? stalled_ + 1 : 0;
   if (stalled_ > patience)
-    throw NumericalError(fmt::format(
-        "window {}, t = {:.6g} s: the time step has collapsed to {:.3g} s, {:.2g} of what it was ({} windows in a row). "
-        "Stable steps: fluid {:.3g} s, solid {:.3g} s; look at the last frame of the side with the smaller one",
-        r.plan.index, t_, r.plan.steps.coarse_dt, r.plan.steps.coarse_dt / largest_window_, patience, r.fluid.stable_dt,
-        r.solid.stable_dt));
+    throw NumericalError(fmt::format("window {}, t = {:.6g} s: the time step has collapsed to {:.3g} s, "
+                                     "{:.2g} of what it was ({} windows in a row). "
+                                     "Stable steps: fluid {:.3g} s, solid {:.3g} s; look at the last frame "
+                                     "of the side with the smaller one",
+                                     r.plan.index, t_, r.plan.steps.coarse_dt,
+                                     r.plan.steps.coarse_dt / largest_window_, patience, r.fluid.stable_dt,
+                                     r.solid.stable_dt));
   show_progress(r);
 }
 

@@ -14,8 +14,8 @@ namespace undine
 namespace
 {
 
-/// Facets at the rim of an open surface reach on by this part of their size: a node in the corner between the surface and
-/// a rigid wall lies on the rim up to round-off.
+/// Facets at the rim of an open surface reach on by this part of their size: a node in the corner between the
+/// surface and a rigid wall lies on the rim up to round-off.
 constexpr double rim_extension = 0.25;
 
 /// The sub-facet opposite of corner `a`, as sorted node numbers: what two neighbours share.
