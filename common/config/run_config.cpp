@@ -51,6 +51,9 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     probe.name = table.text({"name", "", "name of the file history/<name>.csv"});
     probe.on = table.choice({"on", "", "side that is measured"}, {"fluid", "solid"});
     probe.surface = table.text({"surface", "", "named surface over which the mean is taken"}, "");
+    probe.relative_to = table.numbers(
+        {"relative_to", "m", "solid: material point whose u, v and a are subtracted, such as a clamp that moves"},
+        table.has("relative_to") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
     probe.point = table.numbers(
         {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
         table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
