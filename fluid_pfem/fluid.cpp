@@ -60,8 +60,7 @@ double third(const Vec<dim>& x)
 template <int dim>
 Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
 {
-  const Vec<dim> origin = leading<dim>(config.origin), size = leading<dim>(config.size);
-  surfaces_ = box_surfaces<dim>(origin, size);
+  surfaces_ = body_surfaces<dim>(config);
   wall_kind_.assign(surfaces_.size(), WallKind::slip);
   for (const WallConfig& wall : config.walls)
   {
@@ -74,15 +73,14 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
   if (wall_mask_ & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
-  Seeds<dim> seeds = seed_box<dim>(origin, size, config.element_size, config.seeding);
-  if (config.shape == Shape::ellipse)
-    seeds = cut_ellipse<dim>(seeds, origin, size, config.element_size);
   contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
+  size_ = SizeField<dim>(config.element_size, config.coarsest, config.spacing, surfaces_, contact_);
+  auto [seeds, inside] = seed_scene<dim>(config, size_, contact_);
   const std::size_t n = seeds.x.size();
   nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
   nodes_.surface = std::move(seeds.surface);
-  nodes_.h.assign(n, config.element_size);
+  update_spacing();
   std::iota(nodes_.id.begin(), nodes_.id.end(), global_index_t{0});
   next_id_ = static_cast<global_index_t>(n);
   nodes_.rho.assign(n, config.tait.rho0);
@@ -95,11 +93,14 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
     for (std::size_t i = 0; i < n; ++i)
       nodes_.rho[i] = config.tait.hydrostatic_density(highest + dot(g, nodes_.x[i]));
   }
-  for (std::size_t i = 0; i < n && !config.initial_velocity.empty(); ++i)
-    for (int k = 0; k < dim; ++k)
-      nodes_.v[i][k] = config.initial_velocity[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
-                                                                            third(nodes_.x[i]), 0.0);
-  triangulate();
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    const auto b = static_cast<std::size_t>(seeds.body[i]);
+    const auto& v0 = (b == 0 ? config : config.more_bodies[b - 1]).initial_velocity;
+    for (std::size_t k = 0; k < v0.size(); ++k)
+      nodes_.v[i].c[k] = v0[k](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
+  }
+  triangulate(inside);
 }
 
 template <int dim>
@@ -148,8 +149,8 @@ template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
-  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(),
-                                               nodes_, begin, end));
+  check_state(
+      update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end));
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
       nodes_.p[static_cast<std::size_t>(n)] =
@@ -226,18 +227,17 @@ void Fluid<dim>::exchange_mass(double dt)
   const bool flux = !terms_.z.empty(), feedback = config_.feedback_time > 0.0;
   if (!flux && !feedback)
     return;
-  const double rate = feedback ? sound_speed() / (config_.feedback_time * config_.element_size) : 0.0;
-  const double floor = config_.inertia_floor * regular_mass();
+  const double c_per_T = feedback ? sound_speed() / config_.feedback_time : 0.0;
   const index_t n_nodes = nodes_.size();
   for (index_t n = 0; n < n_nodes; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     const double exchanged = flux ? dt * mass_rate_[i] : 0.0;
     const double defect = std::clamp(nodes_.M[i] - nodes_.m[i], -0.2 * nodes_.m[i], 0.2 * nodes_.m[i]);
-    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * rate * defect);
+    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * c_per_T / nodes_.h[i] * defect);
     nodes_.M[i] += exchanged;
     if (n >= n_wet_) // the coupler was told the mass of the wet ones
-      nodes_.inertia[i] = std::max(nodes_.m[i], floor);
+      nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
   }
 }
 
@@ -295,11 +295,11 @@ Vec<dim> Fluid<dim>::gravity() const
   return ramp * leading<dim>(config_.gravity);
 }
 
-/// Mass of a node of a regular lattice: triangles in the plane, cubes in space.
+/// Least mass in Newton's law of node i.
 template <int dim>
-double Fluid<dim>::regular_mass() const
+double Fluid<dim>::least_inertia(std::size_t i) const
 {
-  return config_.tait.rho0 * (dim == 2 ? std::sqrt(0.75) : 1.0) * std::pow(config_.element_size, dim);
+  return config_.inertia_floor * config_.tait.rho0 * regular_volume<dim>(nodes_.h[i]);
 }
 
 template <int dim>
@@ -320,8 +320,8 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
-                                                              config_.inertia_floor * regular_mass());
+  return config_.step_safety *
+         fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms, config_.inertia_floor);
 }
 
 template <int dim>
@@ -341,9 +341,8 @@ bool Fluid<dim>::is_distorted() const
   Vec<dim> mean{};
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
     mean += (1.0 / static_cast<double>(x_remesh_.size())) * (nodes_.x[n] - x_remesh_[n]);
-  const double limit = 0.05 * config_.element_size;
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    if (norm_squared(nodes_.x[n] - x_remesh_[n] - mean) > limit * limit)
+    if (norm(nodes_.x[n] - x_remesh_[n] - mean) > 0.05 * nodes_.h[n])
       return true;
   return false;
 }
@@ -352,6 +351,7 @@ template <int dim>
 void Fluid<dim>::remesh()
 {
   const double before = energy().total();
+  update_spacing();
   const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
@@ -380,9 +380,29 @@ void Fluid<dim>::remesh()
 }
 
 template <int dim>
-void Fluid<dim>::triangulate()
+void Fluid<dim>::update_spacing()
 {
-  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x)));
+  nodes_.h.resize(nodes_.x.size(), config_.element_size);
+  if (size_.uniform())
+    return;
+  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+    nodes_.h[n] = size_(nodes_.x[n], contact_);
+}
+
+template <int dim>
+void Fluid<dim>::triangulate(const std::function<bool(const Vec<dim>&)>& inside)
+{
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x));
+  if (inside)
+    std::erase_if(elements,
+                  [&](const Simplex<dim>& e)
+                  {
+                    Vec<dim> centroid{};
+                    for (const auto& x : corners(nodes_, e))
+                      centroid += (1.0 / (dim + 1)) * x;
+                    return !inside(centroid);
+                  });
+  finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
 }
 
@@ -417,7 +437,6 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
-  const double least_volume = config_.inertia_floor * regular_mass() / config_.tait.rho0;
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
   update_nodal_volumes<dim>(mesh_, nodes_, 0, n_nodes);
   for (index_t n = 0; n < n_nodes; ++n)
@@ -426,13 +445,14 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     if (mesh_.isolated(n))
     {
       nodes_.rho[i] = config_.tait.rho0;
-      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : config_.inertia_floor * regular_mass();
+      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : least_inertia(i);
     }
     else // the inverse of update_density_and_pressure, completed nodes included
-      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i] +
-                    (nodes_.rho[i] - config_.tait.rho0) * std::max(0.0, least_volume - nodes_.V[i]);
+      nodes_.m[i] =
+          nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) *
+                                            std::max(0.0, least_inertia(i) / config_.tait.rho0 - nodes_.V[i]);
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
-    nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
+    nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   terms_.body.clear();

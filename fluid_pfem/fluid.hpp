@@ -10,6 +10,7 @@
 #include "fluid_pfem/walls.hpp"
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -114,7 +115,8 @@ public:
   void set_velocity(const std::vector<Vec<dim>>& v);
 
 private:
-  void triangulate();
+  void update_spacing();
+  void triangulate(const std::function<bool(const Vec<dim>&)>& inside);
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
@@ -130,7 +132,7 @@ private:
   void exchange_mass(double dt);
   void check_state(index_t bad_node) const;
   Vec<dim> gravity() const;
-  double regular_mass() const;
+  double least_inertia(std::size_t i) const;
   double sound_speed() const { return config_.tait.sound_speed(config_.tait.rho0); }
   SurfaceMask surface_bit(const std::string& name, const std::string& what) const;
 
@@ -139,6 +141,7 @@ private:
   std::vector<WallKind> wall_kind_; ///< per surface; meaningful where wall_mask_ is set
   SurfaceMask wall_mask_ = 0, wet_mask_ = 0;
   Walls<dim> contact_;
+  SizeField<dim> size_;
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
   ElementTerms<dim> terms_;

@@ -8,6 +8,7 @@
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
+#include "fluid_pfem/size_field.hpp"
 #include "fluid_pfem/tait.hpp"
 #include "fluid_pfem/walls.hpp"
 
@@ -33,11 +34,21 @@ struct WallConfig
   WallKind kind = WallKind::slip;
 };
 
-/// Form of the first fluid body.
+/// Form of a body of fluid.
 enum class Shape
 {
   box,
-  ellipse ///< inscribed in the box (an ellipsoid in 3-D)
+  ellipse, ///< inscribed in the box (an ellipsoid in 3-D)
+  polygon  ///< 2-D
+};
+
+struct Body
+{
+  Shape shape = Shape::box;
+  std::array<double, 3> origin{};            ///< lowest corner of the box [m]
+  std::array<double, 3> size{};              ///< [m]
+  std::vector<std::array<double, 3>> points; ///< corners of the polygon, counter-clockwise [m]
+  std::vector<Expression> initial_velocity;  ///< [m/s], functions of x, y, z; empty or dim
 };
 
 enum class Pattern
@@ -73,7 +84,8 @@ struct RemeshConfig
   int delete_isolated_after = 0; ///< remeshes; 0: isolated nodes fly for ever
 };
 
-struct FluidConfig
+/// The first body, which has the named surfaces, and everything else.
+struct FluidConfig : Body
 {
   int dim = 2;
   Tait tait;
@@ -84,11 +96,10 @@ struct FluidConfig
   std::array<double, 3> gravity{};     ///< [m/s²]
   double gravity_ramp = 0.0;           ///< gravity grows smoothly to its value over this time [s]
   std::vector<Expression> body_force;  ///< [m/s²], functions of x, y, z, t, added to gravity; empty or dim
-  std::vector<Expression> initial_velocity; ///< [m/s], functions of x, y, z; empty or dim
-  Shape shape = Shape::box;
-  std::array<double, 3> origin{}; ///< lowest corner of the box [m]
-  std::array<double, 3> size{};   ///< [m]
-  double element_size = 0.0;      ///< wanted spacing of nodes [m]
+  std::vector<Body> more_bodies;
+  double element_size = 0.0;     ///< wanted spacing of nodes where nothing else is asked for [m]
+  std::vector<SizeZone> spacing; ///< zones of a size field; without them the spacing is uniform
+  double coarsest = 16.0;        ///< largest spacing of the size field over element_size
   Seeding seeding;
   InitialPressure initial_pressure = InitialPressure::zero;
   std::vector<WallConfig> walls;

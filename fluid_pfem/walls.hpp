@@ -41,6 +41,15 @@ struct WallGeometry
   WallMotion motion;
 };
 
+/// A plane surface of the domain.
+template <int dim>
+struct PlaneSurface
+{
+  std::string name;
+  Vec<dim> point;
+  Vec<dim> normal; ///< unit, outward
+};
+
 /// Flat pieces of all walls, at the present time.
 template <int dim>
 struct WallPiece
