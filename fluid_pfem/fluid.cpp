@@ -65,17 +65,22 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
   for (const WallConfig& wall : config.walls)
   {
     const SurfaceMask bit = surface_bit(wall.on, "fluid.wall.on");
-    wall_mask_ |= bit;
+    (wall.kind == WallKind::impedance ? impedance_mask_ : wall_mask_) |= bit;
     wall_kind_[static_cast<std::size_t>(std::countr_zero(bit))] = wall.kind;
   }
   for (const auto& [interface, surface] : config.interfaces)
     wet_mask_ |= surface_bit(surface, "interface '" + interface + "': fluid");
-  if (wall_mask_ & wet_mask_)
+  if ((wall_mask_ | impedance_mask_) & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
   contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
   size_ = SizeField<dim>(config.element_size, config.coarsest, config.spacing, surfaces_, contact_);
+  openings_ = Openings<dim>(config.inlets, config.outlets, config.element_size);
   auto [seeds, inside] = seed_scene<dim>(config, size_, contact_);
+  openings_.first_rows(seeds.x, seeds.surface, seeds.body);
+  if (!config.inlets.empty())
+    inside = [in_body = inside, &openings = openings_](const Vec<dim>& x)
+    { return (in_body && in_body(x)) || openings.behind_inlet(x); };
   const std::size_t n = seeds.x.size();
   nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
@@ -87,19 +92,22 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
   if (config.initial_pressure == InitialPressure::hydrostatic)
   {
     const Vec<dim> g = leading<dim>(config.gravity);
-    double highest = -1e300; // of the potential −g·x, where p = p₀
+    highest_ = -1e300;
     for (const auto& x : nodes_.x)
-      highest = std::max(highest, -dot(g, x));
+      highest_ = std::max(highest_, -dot(g, x));
     for (std::size_t i = 0; i < n; ++i)
-      nodes_.rho[i] = config.tait.hydrostatic_density(highest + dot(g, nodes_.x[i]));
+      nodes_.rho[i] = config.tait.hydrostatic_density(highest_ + dot(g, nodes_.x[i]));
   }
   for (std::size_t i = 0; i < n; ++i)
   {
+    if (seeds.body[i] < 0)
+      continue;
     const auto b = static_cast<std::size_t>(seeds.body[i]);
     const auto& v0 = (b == 0 ? config : config.more_bodies[b - 1]).initial_velocity;
     for (std::size_t k = 0; k < v0.size(); ++k)
       nodes_.v[i].c[k] = v0[k](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
   }
+  openings_.drive(nodes_, 0.0);
   triangulate(inside);
 }
 
@@ -212,6 +220,14 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
   for (const index_t n : constrained_)
     if (n >= n_wet_)
       constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  let_waves_out(dt, true);
+  if (openings_.driven_mask() != 0)
+  {
+    for (std::size_t i = 0; i < nodes_.x.size(); ++i) // what holds a driven node does work
+      if (nodes_.surface[i] & openings_.driven_mask())
+        openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
+    openings_.drive(nodes_, t_);
+  }
   for (index_t n = n_wet_; n < n_nodes; ++n)
     nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
   exchange_mass(dt);
@@ -327,6 +343,8 @@ double Fluid<dim>::critical_time_step() const
 template <int dim>
 bool Fluid<dim>::is_distorted() const
 {
+  if (openings_.row_due(nodes_))
+    return true;
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
   {
     const double q = quality<dim>(corners(nodes_, mesh_.elements[e]));
@@ -350,6 +368,7 @@ bool Fluid<dim>::is_distorted() const
 template <int dim>
 void Fluid<dim>::remesh()
 {
+  pass_openings();
   const double before = energy().total();
   update_spacing();
   const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
@@ -469,7 +488,10 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  find_impedance();
+  let_waves_out(dt_before_, false);
   nodes_.v = v;
+  openings_.drive(nodes_, t_);
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
@@ -499,7 +521,7 @@ void Fluid<dim>::flag_nodes()
   }
   for (const auto& facet : mesh_.boundary)
   {
-    SurfaceMask surface = wall_mask_ | wet_mask_;
+    SurfaceMask surface = wall_mask_ | wet_mask_ | impedance_mask_ | openings_.driven_mask();
     std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
     for (const index_t n : facet)
     {
@@ -526,16 +548,25 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
   for (const auto& e : elements)
     for (const index_t n : e)
       used[static_cast<std::size_t>(n)] = 1;
-  std::vector<index_t> new_number(nodes_.x.size(), -1);
-  index_t kept = 0;
-  for (std::size_t n = 0; n < new_number.size(); ++n)
-    if (used[n] || nodes_.alone[n] < config_.remesh.delete_isolated_after)
-      new_number[n] = kept++;
-    else
+  std::vector<char> gone(nodes_.x.size(), 0);
+  for (std::size_t n = 0; n < gone.size(); ++n)
+    if (!used[n] && nodes_.alone[n] >= config_.remesh.delete_isolated_after)
     {
+      gone[n] = 1;
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
+  erase_nodes(gone, elements);
+}
+
+template <int dim>
+void Fluid<dim>::erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements)
+{
+  std::vector<index_t> new_number(nodes_.x.size(), -1);
+  index_t kept = 0;
+  for (std::size_t n = 0; n < new_number.size(); ++n)
+    if (!gone[n])
+      new_number[n] = kept++;
   if (kept == nodes_.size())
     return;
   nodes_.for_each_field(
@@ -549,6 +580,75 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
+}
+
+/// Nodes come in and go out; the advected mesh of the last remesh gets and loses their elements, so that the
+/// remesh that follows finds the fluid where it is.
+template <int dim>
+void Fluid<dim>::pass_openings()
+{
+  if (openings_.empty())
+    return;
+  const double before = energy().total();
+  inflow_ += openings_.let_in(nodes_, mesh_.elements, next_id_, config_.tait.rho0);
+  openings_.drive(nodes_, t_);
+  std::vector<char> gone;
+  outflow_ += openings_.let_out(nodes_, mesh_.elements, gone);
+  if (!gone.empty())
+  {
+    erase_nodes(gone, mesh_.elements);
+    mesh_.boundary.clear(); // of a mesh that is no more; the edges of splits are then taken as inner ones
+  }
+  openings_energy_ += energy().total() - before;
+}
+
+template <int dim>
+void Fluid<dim>::find_impedance()
+{
+  impedance_.clear();
+  if (impedance_mask_ == 0)
+    return;
+  std::vector<Vec<dim>> area(nodes_.x.size());
+  for (const auto& facet : mesh_.boundary)
+  {
+    SurfaceMask common = impedance_mask_;
+    std::array<Vec<dim>, dim> x;
+    for (std::size_t k = 0; k < dim; ++k)
+    {
+      common &= nodes_.surface[static_cast<std::size_t>(facet[k])];
+      x[k] = nodes_.x[static_cast<std::size_t>(facet[k])];
+    }
+    // volume_gradient of the facet is inward: V∇N = −area/dim
+    for (const index_t n : facet)
+      if (common != 0)
+        area[static_cast<std::size_t>(n)] -= volume_gradient<dim, double>(x);
+  }
+  for (index_t n = 0; n < nodes_.size(); ++n)
+    if (norm_squared(area[static_cast<std::size_t>(n)]) > 0.0)
+      impedance_.push_back({n, area[static_cast<std::size_t>(n)]});
+}
+
+/// Traction −(p(rest) + ρ₀c₀ v_n) n on impedance nodes, implicit in the velocity of the full step:
+/// v = v_half + Δt/2 a,  (m + Δt/2 Z) a_n = F_n − p A − Z v_half,n,  Z = ρ₀ c₀ A.
+template <int dim>
+void Fluid<dim>::let_waves_out(double dt, bool book)
+{
+  const Tait& tait = config_.tait;
+  for (const ImpedanceNode& node : impedance_)
+  {
+    const auto i = static_cast<std::size_t>(node.node);
+    const double A = norm(node.area), Z = tait.rho0 * sound_speed() * A, m = nodes_.inertia[i];
+    const Vec<dim> n = node.area * (1.0 / A);
+    const double depth = std::max(0.0, highest_ + dot(leading<dim>(config_.gravity), nodes_.x[i]));
+    const double p = config_.initial_pressure == InitialPressure::hydrostatic
+                         ? tait.pressure(tait.hydrostatic_density(depth))
+                         : tait.p0;
+    const double v_n = dot(nodes_.v[i], n), a_n = dot(nodes_.a[i], n);
+    const double da = (m * a_n - p * A - Z * v_n) / (m + 0.5 * dt * Z) - a_n;
+    nodes_.a[i] += da * n;
+    if (book)
+      openings_energy_ += dt * m * da * v_n;
+  }
 }
 
 /// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet
@@ -695,6 +795,7 @@ FluidEnergy Fluid<dim>::energy() const
   e.remesh_loss = remesh_loss_;
   e.wall_work = wall_work_;
   e.interface_work = interface_work_;
+  e.openings = openings_energy_;
   return e;
 }
 
@@ -713,6 +814,8 @@ FluidMass Fluid<dim>::mass_by_state() const
     }
   }
   mass.deleted = ledger_.deleted_mass;
+  mass.inflow = inflow_;
+  mass.outflow = outflow_;
   return mass;
 }
 

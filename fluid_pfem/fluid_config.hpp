@@ -6,6 +6,7 @@
 #include "common/config/expression.hpp"
 #include "common/config/run_config.hpp"
 #include "fluid_pfem/momentum.hpp"
+#include "fluid_pfem/openings.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/size_field.hpp"
@@ -23,11 +24,13 @@ namespace undine::fluid
 
 enum class WallKind
 {
-  slip,
-  no_slip
+  slip, ///< a symmetry plane is one
+  no_slip,
+  impedance ///< no wall: waves leave through it, p = p(rest) + rho c v_n
 };
 
-/// A surface of the box that stays a wall for ever: its nodes move in it (slip) or not at all (no slip).
+/// A surface of the box that stays a wall for ever: its nodes move in it (slip) or not at all (no slip); or
+/// an end of what is computed, through which waves leave (impedance).
 struct WallConfig
 {
   std::string on; ///< surface name
@@ -38,6 +41,7 @@ struct WallConfig
 enum class Shape
 {
   box,
+  none,    ///< no body: the fluid comes in through inlets
   ellipse, ///< inscribed in the box (an ellipsoid in 3-D)
   polygon  ///< 2-D
 };
@@ -103,7 +107,9 @@ struct FluidConfig : Body
   Seeding seeding;
   InitialPressure initial_pressure = InitialPressure::zero;
   std::vector<WallConfig> walls;
-  std::vector<WallGeometry> contact_walls;                     ///< walls that the fluid may meet and leave
+  std::vector<WallGeometry> contact_walls; ///< walls that the fluid may meet and leave
+  std::vector<InletConfig> inlets;
+  std::vector<OutletConfig> outlets;
   std::vector<std::pair<std::string, std::string>> interfaces; ///< (interface, surface)
   RemeshConfig remesh;
   double inertia_floor = 0.0; ///< least mass in Newton's law, fraction of a regular node's

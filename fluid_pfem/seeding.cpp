@@ -253,7 +253,7 @@ std::vector<Loop> obstacles_in(const Loop& outline, const Walls<2>& walls)
     Loop loop;
     for (const auto& piece : walls.pieces())
       if (piece.wall == static_cast<int>(w))
-        loop.push_back(piece.a);
+        loop.push_back(piece.corner[0]);
     if (signed_area(loop) > 0.0)
       continue; // a container
     const auto within = std::count_if(loop.begin(), loop.end(),
@@ -378,6 +378,11 @@ Scene<dim> seed_scene(const FluidConfig& config, const SizeField<dim>& size, con
     bodies.push_back(&body);
   for (const Body* body : bodies)
   {
+    if (body->shape == Shape::none)
+    {
+      regions.push_back([](const Vec<dim>&) { return false; });
+      continue;
+    }
     const Vec<dim> origin = leading<dim>(body->origin), extent = leading<dim>(body->size);
     std::vector<Loop> loops;
     if constexpr (dim == 2)
@@ -417,7 +422,7 @@ Scene<dim> seed_scene(const FluidConfig& config, const SizeField<dim>& size, con
     }
     regions.push_back(region_of<dim>(*body, std::move(loops)));
   }
-  if (!convex || bodies.size() > 1)
+  if (!convex || bodies.size() > 1 || !config.inlets.empty())
     scene.inside = [regions](const Vec<dim>& x)
     { return std::any_of(regions.begin(), regions.end(), [&](const auto& region) { return region(x); }); };
   return scene;

@@ -27,16 +27,6 @@ double distance_to_box(const Vec<dim>& x, const SizeZone& zone)
   return norm(out);
 }
 
-template <int dim>
-double distance_to_piece(const Vec<dim>& x, const WallPiece<dim>& piece)
-{
-  if (piece.plane)
-    return std::abs(piece.distance(x));
-  const Vec<dim> t = piece.b - piece.a;
-  const double s = std::clamp(dot(x - piece.a, t) / norm_squared(t), 0.0, 1.0);
-  return norm(x - piece.a - s * t);
-}
-
 } // namespace
 
 template <int dim>
@@ -88,7 +78,7 @@ double SizeField<dim>::operator()(const Vec<dim>& x, const Walls<dim>& walls) co
     {
       for (const auto& piece : walls.pieces())
         if (piece.wall == zone.wall)
-          distance = std::min(distance, distance_to_piece(x, piece));
+          distance = std::min(distance, piece.gap(x));
     }
     else
       distance = distance_to_box(x, zone.config);
