@@ -150,7 +150,7 @@ std::vector<Vec<dim>> fill(const std::vector<Vec<dim>>& boundary,
                            const std::function<double(const Vec<dim>&)>& spacing, std::uint64_t seed)
 {
   // Tuned on a unit square and cube of uniform spacing: the number of points of the regular lattice.
-  constexpr double exclusion = dim == 2 ? 0.88 : 0.93;
+  constexpr double exclusion = dim == 2 ? 0.88 : 0.90;
   std::mt19937_64 random(seed);
   Neighbourhood<dim> placed;
   for (const auto& p : boundary)

@@ -480,7 +480,7 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::update_spacing()
 {
-  nodes_.h.resize(nodes_.x.size(), config_.element_size);
+  nodes_.h.assign(nodes_.x.size(), config_.element_size);
   if (size_.uniform())
     return;
   for (std::size_t n = 0; n < nodes_.x.size(); ++n)

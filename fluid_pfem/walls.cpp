@@ -252,7 +252,7 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
       {
         const auto piece = static_cast<std::size_t>(candidates_[c].piece);
         const double d = pieces_[piece].distance(x_end);
-        if (d >= 0.0 || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
+        if (d >= -1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
             before_[piece].distance(x[n]) < -0.25 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
         least = d;
