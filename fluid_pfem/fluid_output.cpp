@@ -113,17 +113,18 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
       energy_(output.dir, "fluid_energy",
               fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
                           "dissipated - interface_work - wall_work - "
-                          "remesh_gain - remesh_loss changes only by what the stabilisation moves",
+                          "remesh_gain - remesh_loss - openings changes only by what the stabilisation moves",
                           dim == 2 ? " per metre of depth" : ""),
               {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]",
-               "remesh_loss[J]", "wall_work[J]", "interface_work[J]"}),
+               "remesh_loss[J]", "wall_work[J]", "interface_work[J]", "openings[J]"}),
       mass_(output.dir, "mass",
             fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; "
                         "volume_error = rho0 volume / "
                         "meshed - 1; created and dropped: volume by decision of all remeshes",
                         dim == 2 ? " per metre of depth" : ""),
             {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]",
-             "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]"}),
+             "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]", "inflow[kg]",
+             "outflow[kg]"}),
       rho0_(fluid.config().tait.rho0)
 {
   for (const ProbeConfig& probe : probes)
@@ -264,14 +265,14 @@ void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
   energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss,
-                    e.wall_work, e.interface_work});
+                    e.wall_work, e.interface_work, e.openings});
   const auto& nodes = fluid.nodes();
   const FluidMass m = fluid.mass_by_state();
   const RemeshLedger& r = fluid.ledger();
   mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume,
                   m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created, r.dropped,
                   static_cast<double>(nodes.size()), static_cast<double>(r.merged),
-                  static_cast<double>(r.split), static_cast<double>(r.remeshes)});
+                  static_cast<double>(r.split), static_cast<double>(r.remeshes), m.inflow, m.outflow});
   for (Probe& probe : probes_)
     probe.history->write(t, measure(probe, t, fluid));
 }
