@@ -69,7 +69,8 @@ std::string text_of(const Vec<dim>& x)
   return text + ")";
 }
 
-/// Where a probe measures: nodes with weights that sum to 1 (to 0 if it is relative to a point), and words for the head of its file.
+/// Where a probe measures: nodes with weights that sum to 1 (to 0 if it is relative to a point), and words
+/// for the head of its file.
 struct ProbePlace
 {
   std::vector<index_t> nodes;
