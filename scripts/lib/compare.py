@@ -43,7 +43,10 @@ def check_references(case, settings):
             if default == "required" and key not in reference:
                 stop(k, f"missing key '{key}'")
         if reference["measure"] not in MEASURES:
-            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}")
+            near = difflib.get_close_matches(reference["measure"], MEASURES, 1)
+            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}" + (f"; did you mean '{near[0]}'?" if near else ""))
+        if not reference["column"].endswith("]"):
+            stop(k, f"column = \"{reference['column']}\": must be named as in the header of history/{reference['history']}.csv, with its unit, such as \"u_y[m]\"")
         for table in [reference, *reference.get("add", [])]:
             if not (case.parent / table["file"]).is_file():
                 stop(k, f"file = \"{table['file']}\": there is no such file beside the case")
