@@ -217,12 +217,12 @@ def main():
     args = parse_arguments()
     case = find_case(args.case)
     out = Path(args.out) if args.out else (Path() if INSTALLED else ROOT) / "runs" / case.resolve().parent.name
-    settings = case_file.load(case, args.set)
+    settings = case_file.load(case, args.set + ([f"run.t_end={args.until}"] if args.until else []))
     programs = [p for p in ("coupler", "fluid", "solid")
                 if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
     if not programs:
         stop(2, f"{case}: the case has neither [fluid] nor [solid]: write at least one of these tables (docs/case-file.md)")
-    if "fluid" in settings and "solid" in settings and "coupler" not in programs:
+    if "schema" in settings and "fluid" in settings and "solid" in settings and "coupler" not in programs:
         stop(2, f"{case}: the case has [fluid] and [solid], but no [[interface]] between them: write one with name, fluid and solid")
     compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)

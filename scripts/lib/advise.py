@@ -158,7 +158,7 @@ def physics_advice(settings, facts):
         ratio, most = max(steps) / min(steps), value_of(settings, "coupling.substeps_max") or 300
         fast = "fluid" if steps[0] < steps[1] else "solid"
         if ratio > most:
-            advice.append(f"the steps differ by a factor of {ratio:.0f} ({'fluid'} {steps[0]:.3g} s, solid {steps[1]:.3g} s), more than the {most} sub-steps of a window: the slower side would take smaller "
+            advice.append(f"the steps differ by a factor of {ratio:.0f} (fluid {steps[0]:.3g} s, solid {steps[1]:.3g} s), more than the {most} sub-steps of a window: the slower side would take smaller "
                           f"steps than it could. Raise coupling.substeps_max, or slow the {fast}'s waves: "
                           + (f"{key} lower, as far as the speeds allow" if fast == "fluid" else "coarser elements of the solid (solid.size_factor)"))
     seconds = sum(cost for _, _, _, cost in costs(settings, facts))
