@@ -66,9 +66,9 @@ def geometry_errors(settings, facts):
                           f"{place(fluid[1])} m, that of the solid from {place(solid[0])} to {place(solid[1])} m. Change fluid.origin, solid.origin or the sizes (all in metres)")
         else:
             for interface in settings["interface"]:
-                if interface.get("fluid") in SIDES and interface.get("solid") in SIDES and not interface.get("separation"):
-                    axis, end = SIDES[interface["fluid"]]
-                    other, other_end = SIDES[interface["solid"]]
+                ends = [SIDES.get(interface.get(part)) if isinstance(interface.get(part), str) else None for part in ("fluid", "solid")]
+                if all(ends) and not interface.get("separation"):
+                    (axis, end), (other, other_end) = ends
                     if axis == other and axis < len(fluid[0]) and abs(fluid[end][axis] - solid[other_end][axis]) > 0.5 * h:
                         a, b = fluid[end][axis], solid[other_end][axis]
                         errors.append(f"interface \"{interface.get('name')}\": the surfaces are {abs(a - b):.4g} m apart: {'xyz'[axis]} = {a:g} m is the fluid's {interface['fluid']}, "
