@@ -116,12 +116,25 @@ void Beam::internal_force_at(std::span<const Vec<2>> u, std::span<const double> 
 
 void Beam::predict(double dt)
 {
+  predict_velocity(dt);
+  predict_position(dt);
+}
+
+void Beam::predict_velocity(double dt)
+{
   const double half = 0.5 * dt;
   for (std::size_t k = 0; k < u_.size(); ++k)
   {
     v_[k] += half * a_[k];
-    u_[k] += dt * v_[k];
     omega_[k] += half * alpha_[k];
+  }
+}
+
+void Beam::predict_position(double dt)
+{
+  for (std::size_t k = 0; k < u_.size(); ++k)
+  {
+    u_[k] += dt * v_[k];
     theta_[k] += dt * omega_[k];
   }
   time_ += dt;

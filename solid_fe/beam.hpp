@@ -67,7 +67,9 @@ public:
   /// @throws InputError for a thickness, density or element that makes no sense
   explicit Beam(const BeamConfig& config);
 
-  void predict(double dt); ///< v ← v + Δt/2 a, x ← x + Δt v, and the same for rotations
+  void predict(double dt);          ///< v ← v + Δt/2 a, x ← x + Δt v, and the same for rotations
+  void predict_velocity(double dt); ///< its first half
+  void predict_position(double dt); ///< its second half
   /// a = M⁻¹ (F_ext − F_int), v ← v + Δt/2 a; `face_force` holds the forces [N/m] on the left and right point
   /// of each node, or nothing.
   void solve_free_motion(double dt, std::span<const std::array<Vec<2>, 2>> face_force = {});

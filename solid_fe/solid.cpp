@@ -217,27 +217,29 @@ void Solid<dim>::start_balances()
 template <int dim>
 void Solid<dim>::predict(double dt)
 {
+  predict_velocity(dt);
+  predict_position(dt);
+}
+
+template <int dim>
+void Solid<dim>::predict_velocity(double dt)
+{
   if (dt != dt_)
   {
     t_origin_ = time();
     steps_of_dt_ = 0;
+    dt_before_ = dt_ > 0.0 ? dt_ : dt;
     dt_ = dt;
   }
+  else
+    dt_before_ = dt;
   const double load_time = time();
   ++steps_of_dt_;
   ++step_;
 
   const double half = 0.5 * dt;
-  if (beam_)
-    step_of_wet_ = nodes_.u;
-  else
-    for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    {
-      nodes_.v[n] += half * nodes_.a[n];
-      nodes_.u[n] += dt * nodes_.v[n];
-    }
-  for (auto& body : rigid_)
-    body.predict(dt, nodes_);
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    nodes_.v[n] += half * nodes_.a[n];
   if (beam_)
   {
     for (auto& driven : driven_fibres_) // the velocity in the middle of the step moves the fibre
@@ -245,26 +247,80 @@ void Solid<dim>::predict(double dt)
       driven.v_step = driven_velocity(driven, load_time + half);
       beam_->set_velocity(driven.fibre, driven.component, driven.v_step);
     }
-    beam_->predict(dt);
-    if constexpr (dim == 2)
-      for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-      {
-        const auto& [k, face] = place_[n];
-        const auto u = beam_->face_position(face, k) - nodes_.X[n];
-        nodes_.v[n] = (1.0 / dt) * (u - step_of_wet_[n]); // step_of_wet_ holds u at the step's begin
-        nodes_.u[n] = u;
-      }
+    beam_->predict_velocity(dt);
+    show_beam(false);
   }
   for (auto& driven : driven_)
     if (driven.function >= 0) // the velocity in the middle of the step moves the node
     {
-      auto& v = nodes_.v[driven.node][driven.component];
       driven.v_step = driving_[static_cast<std::size_t>(driven.function)](
           static_cast<std::size_t>(driven.component), nodes_.X[driven.node], load_time + half);
-      nodes_.u[driven.node][driven.component] += dt * (driven.v_step - v);
-      v = driven.v_step;
+      nodes_.v[driven.node][driven.component] = driven.v_step;
     }
+}
 
+template <int dim>
+void Solid<dim>::push(std::span<const double> f_link, double dt)
+{
+  assert(f_link.size() == f_link_.size() * dim);
+  const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      const auto row = [&](std::size_t n) { return Vec<2>{{f_link[2 * n], f_link[2 * n + 1]}}; };
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+      {
+        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n] - dt_mean * nodes_.a[n]);
+        beam_->add_face_impulse(place_[n].second, place_[n].first, dt * row(n));
+      }
+      show_beam(false);
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n]);
+      for (auto& driven : driven_fibres_)
+        for (const index_t end : fibre_[driven.fibre])
+          if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
+            driven_work_ -= dt * row(n)[driven.component] * driven.v_step;
+      return;
+    }
+  for (std::size_t n = 0; n < f_link_.size(); ++n)
+    for (int i = 0; i < dim; ++i)
+    {
+      const double f = f_link[n * dim + static_cast<std::size_t>(i)];
+      const double dv = dt * nodes_.inverse_mass[n][i] * f, v = nodes_.v[n][i];
+      // Mean of the velocities in the half steps before and after: exactly the change of kinetic energy
+      // between them.
+      if (nodes_.inverse_mass[n][i] > 0.0)
+        interface_work_ += dt * f * (v + 0.5 * (dv - dt_mean * nodes_.a[n][i]));
+      nodes_.v[n][i] = v + dv;
+    }
+  for (auto& driven : driven_)
+    if (driven.node < f_link_.size())
+    {
+      const double f = f_link[driven.node * dim + static_cast<std::size_t>(driven.component)];
+      interface_work_ += dt * f * driven.v_step;
+      driven_work_ -= dt * f * driven.v_step;
+    }
+}
+
+template <int dim>
+void Solid<dim>::predict_position(double dt)
+{
+  const double load_time = time() - dt;
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      beam_->predict_position(dt);
+      for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+      {
+        const auto& [k, face] = place_[n];
+        const auto u = beam_->face_position(face, k) - nodes_.X[n];
+        nodes_.v[n] = (1.0 / dt) * (u - nodes_.u[n]); // mean over the step: u gets there below
+      }
+    }
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    nodes_.u[n] += dt * nodes_.v[n];
+  for (auto& body : rigid_)
+    body.predict(dt, nodes_);
   for (std::size_t n = 0; n < step_of_wet_.size(); ++n)
     step_of_wet_[n] = dt * nodes_.v[n];
   for (const auto& load : loads_)
