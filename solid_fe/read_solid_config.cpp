@@ -4,6 +4,10 @@
 #include "common/config/coupling_config.hpp"
 #include "common/error.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 namespace undine::solid
 {
 
@@ -154,6 +158,13 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   const auto n = static_cast<std::size_t>(dim);
   geometry.origin = solid.numbers({"origin", "m", "corner of the box with the smallest coordinates"}, n,
                                   std::vector<double>(n, 0.0), any_number());
+  double count = 1.0;
+  for (const double size : geometry.size)
+    count *= std::max(1.0, size / geometry.element_size);
+  if (count > 5e7 && !solid.has("elements"))
+    solid.fail("width", fmt::format("the box would have {:.2g} elements of {:.3g} m, more than a machine can "
+                                    "hold; are its sizes in metres? Else lower run.resolution",
+                                    count, geometry.element_size));
   geometry.elements = element_counts(geometry.size, geometry.element_size);
   if (is_beam) // one quadrilateral across the wall
     geometry.elements[geometry.size[0] < geometry.size[1] ? 0 : 1] = 1;
