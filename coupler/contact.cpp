@@ -248,20 +248,15 @@ void UnilateralContact<dim>::solve(double dt)
   std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
   const auto push_solid = [&](const Row& row, double impulse)
   {
-<<<<<<< HEAD
-    for (std::size_t c = 0; c < dim; ++c)
+    for (std::size_t w = row.begin; w < row.end; ++w)
     {
-      const auto n = static_cast<std::size_t>(row.facet[c]);
-      dv_solid_[n] -= (row.weight[c] * impulse) * product(inverse_mass_[Side::solid], row.facet[c], row.n);
+      const auto n = static_cast<std::size_t>(weights_[w].node);
+      const double p = weights_[w].P * impulse;
+      dv_solid_[n] -= p * product(inverse_mass_[Side::solid], weights_[w].node, row.n);
       if (partner_[n] >= 0)
         dv_solid_[static_cast<std::size_t>(partner_[n])] -=
-            (row.weight[c] * impulse) * product(partner_inverse_mass_, row.facet[c], row.n);
+            p * product(partner_inverse_mass_, weights_[w].node, row.n);
     }
-=======
-    for (std::size_t w = row.begin; w < row.end; ++w)
-      dv_solid_[static_cast<std::size_t>(weights_[w].node)] -=
-          (weights_[w].P * impulse) * product(inverse_mass_[Side::solid], weights_[w].node, row.n);
->>>>>>> main
   };
   for (const Row& row : rows_)
     push_solid(row, row.impulse);
