@@ -397,7 +397,7 @@ SurfaceMesh read_surface_mesh(Reader in)
   m.face_offset = in.i32_list("face_offset");
   m.face_nodes = in.i32_list("face_nodes");
   m.face_interface = in.i32_list("face_interface");
-  if (!in.at_end())
+  if (in.left() >= 16) // two more lists
   {
     m.coupled_nodes = in.i32_list("coupled_nodes");
     m.coupled_inverse_mass = in.f64_list("coupled_inverse_mass");

@@ -110,7 +110,6 @@ public:
 
   std::size_t left() const { return rest_.size(); }
   void end(); ///< nothing may be left
-  bool at_end() const { return rest_.empty(); }
   /// Throws: "`what`: `field` is `came`, expected `expected`".
   [[noreturn]] void reject(const std::string& field, const std::string& came,
                            const std::string& expected) const;

@@ -154,8 +154,8 @@ TEST_CASE("a beam carries its fluid on both faces without a velocity jump", "[co
     INFO("m = " << substeps << ": jump " << swinging.jump << ", gain " << swinging.gain << ", loss "
                 << swinging.loss << ", momentum " << swinging.momentum);
     CHECK(swinging.jump < 1e-6);
-    CHECK(swinging.gain < 0.01);
-    if (substeps == 1) // the sides feel their impulses at different times otherwise
+    CHECK(swinging.gain < 0.03); // Δt²/8 a·M a comes and goes, 1 % with these steps; growth would be e^many
+    if (substeps == 1)           // the sides feel their impulses at different times otherwise
       CHECK(swinging.momentum < 1e-11);
   }
 }

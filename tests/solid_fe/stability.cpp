@@ -1,4 +1,5 @@
-// How sharp the claimed stable step is: the smallest multiple of it at which the energy of random small solids grows.
+// How sharp the claimed stable step is: the smallest multiple of it at which the energy of random small
+// solids grows.
 //
 //   build/release/tests/solid_stability [samples]      (default 30)
 #include "solid_fe/solid.hpp"
@@ -15,8 +16,8 @@ using namespace undine;
 using namespace undine::solid;
 using namespace undine::solid::test;
 
-/// Does the energy of small random motion grow beyond all bounds at `fraction` of the claim? An excess δ over the
-/// true limit makes the worst mode grow by 2 √(2 δ) per step: 1e-4 is e^84 in 3000 steps.
+/// Does the energy of small random motion grow beyond all bounds at `fraction` of the claim? An excess δ over
+/// the true limit makes the worst mode grow by 2 √(2 δ) per step: 1e-4 is e^84 in 3000 steps.
 template <int dim>
 bool grows(const SolidConfig& config, const Mesh<dim>& mesh, double fraction, unsigned seed)
 {
@@ -92,7 +93,8 @@ void measure(const char* name, ElementType type, Formulation formulation, PlaneK
 int main(int argc, char** argv)
 {
   const int samples = argc > 1 ? std::atoi(argv[1]) : 30;
-  std::printf("| element | samples | growing at 1.0 | smallest that grows | mean |\n| --- | --- | --- | --- | --- |\n");
+  std::printf("| element | samples | growing at 1.0 | smallest that grows | mean |\n| --- | --- | --- | --- "
+              "| --- |\n");
   using enum ElementType;
   using enum Formulation;
   measure<2>("T3", triangle3, full, PlaneKind::strain, samples);
