@@ -136,7 +136,7 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   if (mesh)
   {
     geometry.mesh_file = file.resolve(*mesh);
-    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line"})
+    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line", "angle"})
       if (solid.has(key))
         solid.fail(key,
                    "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
@@ -144,7 +144,7 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   }
   if (!geometry.line.empty())
   {
-    for (const char* key : {"width", "height", "origin", "element", "elements"})
+    for (const char* key : {"width", "height", "origin", "element", "elements", "angle"})
       if (solid.has(key))
         solid.fail(key, "belongs to the built-in box, but the wall is about solid.line; remove one of them");
     return geometry;
@@ -158,6 +158,10 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   const auto n = static_cast<std::size_t>(dim);
   geometry.origin = solid.numbers({"origin", "m", "corner of the box with the smallest coordinates"}, n,
                                   std::vector<double>(n, 0.0), any_number());
+  geometry.angle =
+      solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
+                   any_number()) *
+      std::acos(-1.0) / 180.0;
   double count = 1.0;
   for (const double size : geometry.size)
     count *= std::max(1.0, size / geometry.element_size);

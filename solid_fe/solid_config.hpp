@@ -86,6 +86,7 @@ struct GeometryConfig
       line; ///< x, y, x, y, …: middle line of a thin wall [m]; instead of the box if not empty
   double thickness = 0.0;    ///< of that wall, or of one about the two-node elements of the mesh file [m]
   double element_size = 0.0; ///< along the line [m]
+  double angle = 0.0;        ///< the box is turned by this about its origin, in the x-y plane [rad]
 };
 
 struct SolidConfig
