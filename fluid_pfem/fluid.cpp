@@ -477,8 +477,9 @@ void Fluid<dim>::remesh()
     const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
     nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
   }
-  const SpacingReport spacing =
-      refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
+  const SpacingReport spacing = refine_and_coarsen<dim>(
+      nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
+      config_.remesh.spacing, next_id_);
   contact_.settle(nodes_.x);
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)

@@ -306,12 +306,15 @@ void Walls<dim>::settle(std::span<Vec<dim>> x) const
   for (Vec<dim>& p : x)
     for (int round = 0; round < 3; ++round)
     {
-      double least = -0.3 * spacing_;
+      double least = std::numeric_limits<double>::lowest();
       const WallPiece<dim>* nearest = nullptr;
       for (const auto& piece : pieces_)
       {
         const double d = piece.distance(p);
-        if (d < -1e-12 * spacing_ && d > least && piece.overhang(p, true) <= 0.0 && is_solid(piece.wall, p))
+        const WallGeometry& g = geometry_[static_cast<std::size_t>(piece.wall)];
+        const bool near = g.closed || g.box || d > -0.3 * spacing_; // of an open wall: or on its other side
+        if (d < -1e-12 * spacing_ && d > least && near && piece.overhang(p, true) <= 0.0 &&
+            is_solid(piece.wall, p))
         {
           least = d;
           nearest = &piece;

@@ -107,8 +107,8 @@ public:
     return moved_ > margin_;
   }
 
-  /// Move points that are behind a wall around a convex corner, by less than a third of a spacing, onto it:
-  /// what merging and splitting do to nodes there.
+  /// Move points that are in a wall with a convex corner (an open wall: by less than a third of a spacing)
+  /// onto it: what merging and splitting do to nodes there.
   void settle(std::span<Vec<dim>> x) const;
 
   /// There is a corner that the fluid can be around.
