@@ -490,6 +490,7 @@ void Fluid<dim>::remesh()
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
+  drop_fragments(choice);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
     release_mass(choice);
@@ -654,6 +655,42 @@ void Fluid<dim>::flag_nodes()
       nodes_.flag[static_cast<std::size_t>(n)] |=
           static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
   }
+}
+
+/// One or two elements that hang together with no others are spray: as fluid they would be a spring between
+/// few nodes that snaps. Their nodes fly.
+template <int dim>
+void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
+{
+  constexpr int fewest = 3; // elements
+  std::vector<index_t> root(nodes_.x.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](index_t n)
+  {
+    while (root[static_cast<std::size_t>(n)] != n)
+      n = root[static_cast<std::size_t>(n)] =
+          root[static_cast<std::size_t>(root[static_cast<std::size_t>(n)])];
+    return n;
+  };
+  for (const auto& e : choice.elements)
+    for (const index_t n : e)
+      root[static_cast<std::size_t>(find(n))] = find(e[0]);
+  std::vector<int> count(nodes_.x.size(), 0);
+  for (const auto& e : choice.elements)
+    ++count[static_cast<std::size_t>(find(e[0]))];
+  std::erase_if(choice.elements,
+                [&](const Simplex<dim>& e)
+                {
+                  const bool wet = std::any_of(e.begin(), e.end(),
+                                               [&](index_t n) {
+                                                 return (nodes_.surface[static_cast<std::size_t>(n)] &
+                                                         (wet_mask_ | openings_.driven_mask())) != 0;
+                                               });
+                  if (wet || count[static_cast<std::size_t>(find(e[0]))] >= fewest)
+                    return false;
+                  choice.dropped += std::abs(signed_volume<dim, double>(corners(nodes_, e)));
+                  return true;
+                });
 }
 
 template <int dim>

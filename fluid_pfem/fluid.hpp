@@ -137,6 +137,7 @@ private:
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
+  void drop_fragments(ShapeChoice<dim>& choice) const;
   void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
   void erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void pass_openings();
