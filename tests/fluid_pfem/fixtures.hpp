@@ -3,6 +3,8 @@
 
 #include "fluid_pfem/fluid_config.hpp"
 
+#include <cmath>
+
 namespace undine::test
 {
 
@@ -15,6 +17,39 @@ fluid::FluidConfig box_config(double h)
   config.tait = {.rho0 = 1000.0, .p0 = 0.0, .B = 2.2e9 / 7.0, .gamma = 7.0};
   config.size = {1.0, 1.0, 1.0};
   config.element_size = h;
+  return config;
+}
+
+/// The `hydraulic` preset of the case file on a plane box.
+inline fluid::FluidConfig hydraulic_config(double spacing, double sound_speed)
+{
+  fluid::FluidConfig config = box_config<2>(spacing);
+  config.tait.B = 1000.0 * sound_speed * sound_speed / 7.0;
+  config.terms.bulk_linear = 0.05;
+  config.terms.residual = 0.1;
+  config.feedback_time = 100.0;
+  config.inertia_floor = 0.1;
+  config.remesh.shape.gap = 0.2;
+  return config;
+}
+
+/// An open tank that the fluid meets by sliding contact.
+inline fluid::WallGeometry tank(double width)
+{
+  fluid::WallGeometry wall;
+  wall.name = "tank";
+  wall.points = {{0.0, 20.0, 0.0}, {0.0, 0.0, 0.0}, {width, 0.0, 0.0}, {width, 20.0, 0.0}};
+  return wall;
+}
+
+/// The column of `cases/dam_break`, a × 2a in a tank of 4a, a = 0.146 m.
+inline fluid::FluidConfig dam_break_config(double spacing)
+{
+  const double a = 0.146, g = 9.81;
+  fluid::FluidConfig config = hydraulic_config(spacing, 10.0 * std::sqrt(g * 2.0 * a));
+  config.size = {a, 2.0 * a, 0.0};
+  config.gravity = {0.0, -g, 0.0};
+  config.contact_walls = {tank(4.0 * a)};
   return config;
 }
 

@@ -11,30 +11,13 @@
 
 using namespace undine;
 using namespace undine::fluid;
+using undine::test::dam_break_config;
+using undine::test::tank;
 
 namespace
 {
 
-/// The `hydraulic` preset of the case file.
-FluidConfig hydraulic(double spacing, double sound_speed)
-{
-  FluidConfig config = undine::test::box_config<2>(spacing);
-  config.tait.B = 1000.0 * sound_speed * sound_speed / 7.0;
-  config.terms.bulk_linear = 0.05;
-  config.terms.residual = 0.1;
-  config.feedback_time = 100.0;
-  config.inertia_floor = 0.1;
-  config.remesh.shape.gap = 0.2;
-  return config;
-}
-
-WallGeometry tank(double width)
-{
-  WallGeometry wall;
-  wall.name = "tank";
-  wall.points = {{0.0, 20.0, 0.0}, {0.0, 0.0, 0.0}, {width, 0.0, 0.0}, {width, 20.0, 0.0}};
-  return wall;
-}
+constexpr auto hydraulic = undine::test::hydraulic_config;
 
 struct Series
 {
@@ -147,11 +130,7 @@ TEST_CASE("a dam break has the converged front, and its splash keeps mass and vo
           "[fluid][verification]")
 {
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
-  FluidConfig config = hydraulic(a / 16.0, 10.0 * std::sqrt(g * 2.0 * a));
-  config.size = {a, 2.0 * a, 0.0};
-  config.gravity = {0.0, -g, 0.0};
-  config.contact_walls = {tank(4.0 * a)};
-  Fluid<2> fluid(config);
+  Fluid<2> fluid(dam_break_config(a / 16.0));
   const double M = fluid.mass();
   double before_impact = 0.0, largest = 0.0, furthest_out = 0.0;
   Series front;
