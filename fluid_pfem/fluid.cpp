@@ -161,9 +161,10 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
 }
 
 template <int dim>
-void Fluid<dim>::update_elements(double dt, index_t begin, index_t end)
+void Fluid<dim>::add_element_forces(double dt, index_t begin, index_t end)
 {
-  update_element_terms<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end, terms_);
+  fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end,
+                                 sums_);
 }
 
 template <int dim>
@@ -171,14 +172,14 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 {
   if (config_.body_force.empty())
     return;
-  terms_.body.resize(nodes_.x.size());
+  sums_.body.resize(nodes_.x.size());
   for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     for (int k = 0; k < dim; ++k)
-      terms_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
-                                                                          third(nodes_.x[i]), t_);
-    nodes_.a[i] += terms_.body[i];
+      sums_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
+                                                                         third(nodes_.x[i]), t_);
+    nodes_.a[i] += sums_.body[i];
   }
 }
 
@@ -188,8 +189,9 @@ void Fluid<dim>::solve_free_motion_of_interface(double dt)
   if (n_wet_ == 0)
     return;
   update_state(0, n_layer_);
-  update_elements(dt, 0, e_wet_);
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_wet_, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, 0, n_layer_, sums_);
+  add_element_forces(dt, 0, e_wet_);
+  take_acceleration<dim>(nodes_, gravity(), 0, n_wet_, sums_, mass_rate_);
   add_body_force(0, n_wet_);
   for (index_t n = 0; n < n_wet_; ++n)
   {
@@ -204,9 +206,10 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   const index_t n_nodes = nodes_.size();
   update_state(n_layer_, n_nodes);
-  update_elements(dt, e_wet_, mesh_.n_elements());
-  dissipated_ += dt * terms_.dissipation;
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), n_wet_, n_nodes, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, n_layer_, n_nodes, sums_);
+  add_element_forces(dt, e_wet_, mesh_.n_elements());
+  dissipated_ += dt * sums_.dissipation;
+  take_acceleration<dim>(nodes_, gravity(), n_wet_, n_nodes, sums_, mass_rate_);
   add_body_force(n_wet_, n_nodes);
   for (const index_t n : constrained_)
     if (n >= n_wet_)
@@ -223,7 +226,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
 template <int dim>
 void Fluid<dim>::exchange_mass(double dt)
 {
-  const bool flux = !terms_.z.empty(), feedback = config_.feedback_time > 0.0;
+  const bool flux = config_.terms.residual > 0.0, feedback = config_.feedback_time > 0.0;
   if (!flux && !feedback)
     return;
   const double rate = feedback ? sound_speed() / (config_.feedback_time * config_.element_size) : 0.0;
@@ -435,7 +438,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
-  terms_.body.clear();
+  sums_.reset(n_nodes);
   e_wet_ = 0;
   while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
     ++e_wet_; // elements are sorted by their smallest node
@@ -444,8 +447,9 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   const std::vector<Vec<dim>> v = nodes_.v;
   for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
-  update_elements(dt_before_, 0, mesh_.n_elements());
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
+  add_element_forces(dt_before_, 0, mesh_.n_elements());
+  take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);

@@ -125,7 +125,7 @@ private:
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
-  void update_elements(double dt, index_t begin, index_t end);
+  void add_element_forces(double dt, index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
   void check_state(index_t bad_node) const;
@@ -141,7 +141,7 @@ private:
   Walls<dim> contact_;
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
-  ElementTerms<dim> terms_;
+  ElementSums<dim> sums_;
   std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
   index_t n_wet_ = 0;                ///< nodes on an interface
   index_t n_layer_ = 0;              ///< wet nodes and their neighbours

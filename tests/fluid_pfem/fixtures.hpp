@@ -2,6 +2,7 @@
 #pragma once
 
 #include "fluid_pfem/fluid_config.hpp"
+#include "fluid_pfem/momentum.hpp"
 
 #include <cmath>
 
@@ -18,6 +19,17 @@ fluid::FluidConfig box_config(double h)
   config.size = {1.0, 1.0, 1.0};
   config.element_size = h;
   return config;
+}
+
+/// Acceleration by pressure alone.
+template <int dim>
+void pressure_acceleration(const fluid::FluidMesh<dim>& mesh, fluid::FluidNodes<dim>& nodes)
+{
+  fluid::ElementSums<dim> sums;
+  sums.reset(nodes.size());
+  fluid::record_nodes<dim>(nodes, {}, 0, nodes.size(), sums);
+  fluid::add_element_forces<dim>(mesh, nodes, {}, 1.0, {}, 0.0, 0, mesh.n_elements(), sums);
+  fluid::take_acceleration<dim>(nodes, {}, 0, nodes.size(), sums, {});
 }
 
 /// The `hydraulic` preset of the case file on a plane box.

@@ -174,7 +174,7 @@ TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by mu
     }
     update_nodal_volumes<dim>(fluid.mesh(), nodes, 0, nodes.size());
     update_density_and_pressure<dim>(fluid.mesh(), config.tait, 0.0, nodes, 0, nodes.size());
-    update_acceleration<dim>(fluid.mesh(), nodes, {}, {}, 0, nodes.size(), {});
+    undine::test::pressure_acceleration<dim>(fluid.mesh(), nodes);
     double grown = 0.0;
     for (std::size_t i = 0; i < w.size(); ++i)
     {
