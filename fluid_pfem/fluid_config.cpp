@@ -234,6 +234,10 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
                between(0.0, 1.0));
   config.step_safety = t.number({"step_safety", "", "fraction of the rigorous bound on the time step"}, 0.9,
                                 between(0.01, 2.0));
+  config.look_every = t.integer({"look_every", "",
+                                 "fluid alone: steps between looks at the mesh and at the stable step, which "
+                                 "a coupled run takes once a window; 0: 4 and 8"},
+                                0, at_least(0));
   return config;
 }
 

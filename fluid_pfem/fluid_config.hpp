@@ -95,8 +95,9 @@ struct FluidConfig
   std::vector<WallGeometry> contact_walls;                     ///< walls that the fluid may meet and leave
   std::vector<std::pair<std::string, std::string>> interfaces; ///< (interface, surface)
   RemeshConfig remesh;
-  double inertia_floor = 0.0; ///< least mass in Newton's law, fraction of a regular node's
-  double step_safety = 0.9;   ///< of the rigorous step bound
+  double inertia_floor = 0.0;  ///< least mass in Newton's law, fraction of a regular node's
+  double step_safety = 0.9;    ///< of the rigorous step bound
+  std::int64_t look_every = 0; ///< alone: steps between looks at mesh and stable step; 0: 4 and 8
 };
 
 /// @throws InputError

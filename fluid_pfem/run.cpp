@@ -90,7 +90,8 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
 template <int dim>
 void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe)
 {
-  constexpr std::int64_t look_at_mesh_every = 4, look_at_step_every = 8; // steps
+  const std::int64_t look = fluid.config().look_every;
+  const std::int64_t look_at_mesh_every = look > 0 ? look : 4, look_at_step_every = look > 0 ? look : 8;
   const StepLadder ladder;
   double t = run.t_begin, dt = 0.0;
   std::int64_t frames = 1;

@@ -19,11 +19,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from lib import case as case_file  # noqa: E402
 from lib import compare  # noqa: E402
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent  # of the source tree, or share/undine of an installed one
+INSTALLED = not (ROOT / "CMakeLists.txt").exists()
+
+
+def places(build):
+    """Folders of the programs, and of the protocol library for solvers in Python."""
+    prefix = ROOT.parent.parent
+    if not INSTALLED:
+        return ROOT / "build" / build / "bin", ROOT / "build" / build / "lib"
+    return prefix / "libexec" / "undine", next(iter(prefix.glob("lib*/**/undine_link.py")), prefix / "lib").parent
 
 
 def parse_arguments():
-    p = argparse.ArgumentParser(prog="scripts/run", description="Run a case of Undine, draw its plots, print a summary.",
+    p = argparse.ArgumentParser(prog="undine" if INSTALLED else "scripts/run", description="Run a case of Undine, draw its plots, print a summary.",
                                 epilog="example: scripts/run cases/elastic_column --set run.resolution=20")
     p.add_argument("case", help="folder under cases/, or a case.toml")
     p.add_argument("--out", help="output folder (default: runs/<case>)")
@@ -39,7 +48,7 @@ def parse_arguments():
 
 def find_case(name):
     path = Path(name)
-    for candidate in (path, path / "case.toml", ROOT / "cases" / name / "case.toml"):
+    for candidate in (path, path / "case.toml", ROOT / "cases" / name / "case.toml", ROOT / name / "case.toml"):
         if candidate.is_file():
             return candidate
     known = sorted(p.parent.name for p in (ROOT / "cases").glob("*/case.toml"))
@@ -74,7 +83,7 @@ def foreign_command(words, case, binaries):
 
 def mpirun_line(args, case, settings, programs, ranks, out):
     """The command line, as a list. One program on one rank needs no mpirun."""
-    binaries = ROOT / "build" / args.build / "bin"
+    binaries, _ = places(args.build)
     executable = {"coupler": "coupler", "fluid": "fluid_pfem", "solid": "solid_fe"}
     commands = {p: [str(binaries / executable[p])] for p in programs}
     foreign = [p for p in programs if p != "coupler" and settings[p].get("program")]
@@ -192,7 +201,7 @@ def collect_summary(out, programs, code, wall):
 def main():
     args = parse_arguments()
     case = find_case(args.case)
-    out = Path(args.out) if args.out else ROOT / "runs" / case.resolve().parent.name
+    out = Path(args.out) if args.out else (Path() if INSTALLED else ROOT) / "runs" / case.resolve().parent.name
     settings = case_file.load(case, args.set)
     programs = [p for p in ("coupler", "fluid", "solid")
                 if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
@@ -202,7 +211,7 @@ def main():
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     # where Python solvers find undine_link.py and the library
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "build" / args.build / "lib"), os.environ.get("PYTHONPATH")]))
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(places(args.build)[1]), os.environ.get("PYTHONPATH")]))
     lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
@@ -213,7 +222,7 @@ def main():
         return 0 if code == 0 else (code if code in (2, 4) else 20)
 
     out.mkdir(parents=True, exist_ok=True)
-    for old in list(out.glob("*.json")) + [out / "FAILED.toml"]:
+    for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:
         old.unlink(missing_ok=True)
     for old in ("history", "plots"):
         shutil.rmtree(out / old, ignore_errors=True)
@@ -234,8 +243,9 @@ def main():
         print(f"the run failed with exit code {code}; see {out}/*.log{failed}", file=sys.stderr)
         return code
     if not args.no_plots:
-        from lib import plots
+        from lib import plots, report
         plots.draw_all(case, settings, out)
+        report.write(case, settings, out, summary, shlex.join(lines[0]))
     compare.print_table(summary, out)
     return 0
 

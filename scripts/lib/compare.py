@@ -50,10 +50,12 @@ def check_references(case, settings):
 
 
 def read_csv(path):
-    """Columns of a CSV with comment lines, as {name: array}."""
+    """Columns of a CSV with comment lines, as {name: array}; of a file that is being written, the finished rows."""
     with open(path, newline="") as stream:
-        rows = list(csv.reader(line for line in stream if not line.startswith("#")))
-    table = np.array([[float(x) if x else np.nan for x in row] for row in rows[1:] if len(row) == len(rows[0])])
+        rows = list(csv.reader(line for line in stream if not line.startswith("#") and line.endswith("\n")))
+    if not rows:
+        return {}
+    table = np.array([[float(x) if x else np.nan for x in row] for row in rows[1:] if len(row) == len(rows[0])]).reshape(-1, len(rows[0]))
     return {name: table[:, k] for k, name in enumerate(rows[0])}
 
 
@@ -168,6 +170,9 @@ def compare_all(case, settings, out):
         if not applies(reference, settings) or reference["measure"] == "shown":
             continue
         value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings))
+        if not np.isfinite(error):  # a run that ends before its first period has none
+            print(f"  {reference['name']:24s} {reference['measure']:18s} not measured: the run is too short for it")
+            continue
         results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
                         "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"])})
     return results

@@ -1,19 +1,84 @@
-"""Plots of a run: histories over their references, and rendered frames."""
-import h5py
+"""Plots of a run: histories over their references, ledgers, rendered frames and an animation."""
+from pathlib import Path
+
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.collections import PolyCollection  # noqa: E402
 
-from . import compare  # noqa: E402
+from . import compare, frames, pictures  # noqa: E402
 
 
 def draw_all(case, settings, out):
     (out / "plots").mkdir(exist_ok=True)
     draw_histories(case, settings, out)
-    draw_frames(out)
+    draw_probes(settings, out)
+    draw_energy(out)
+    if parts := frames.open_parts(out):
+        write_paraview_view(draw_pictures(parts, out / "plots"), out)
+
+
+def draw_pictures(parts, folder):
+    """frames.png: pressure and von Mises stress; frames_velocity.png; animation.gif. Returns the first picture."""
+    picture = pictures.Picture(parts)
+    pictures.draw_frames(picture, folder / "frames.png")
+    pictures.draw_animation(picture, folder / "animation.gif")
+    if "fluid" in parts:
+        pictures.draw_frames(pictures.Picture(parts, fields={"fluid": "velocity"}, window=picture.window), folder / "frames_velocity.png")
+    return picture
+
+
+def write_paraview_view(picture, out):
+    """view.py: opens the run in ParaView with the fields and ranges of `picture`."""
+    text = (Path(__file__).parent / "paraview_view.py").read_text()
+    parts = {part: (field, *picture.ranges[part]) for part, field in picture.fields.items()}
+    for name, value in (("OUT", str(out.resolve())), ("PARTS", parts), ("IN_SPACE", picture.dim == 3)):
+        text = text.replace(f"@{name}@", repr(value))
+    (out / "view.py").write_text(text)
+
+
+def draw_probes(settings, out):
+    """The histories of probes that no reference is compared with: every column over time, one axis per unit."""
+    compared = {reference["history"] for reference in settings.get("reference", []) if compare.applies(reference, settings)}
+    for path in sorted((out / "history").glob("*.csv")):
+        if path.stem not in {probe.get("name") for probe in settings.get("probe", [])} - compared:
+            continue
+        table = compare.read_csv(path)
+        columns = [name for name in table if name != "t[s]"]
+        units = list(dict.fromkeys(name[name.index("["):] for name in columns if "[" in name))
+        if not units or len(table["t[s]"]) < 2:
+            continue
+        figure, axes = plt.subplots(len(units), 1, figsize=(8, 1.2 + 2.6 * len(units)), constrained_layout=True, squeeze=False, sharex=True)
+        for ax, unit in zip(axes[:, 0], units):
+            for name in columns:
+                if name.endswith(unit):
+                    ax.plot(table["t[s]"], table[name], linewidth=1.2, label=name.split("[")[0])
+            ax.set_ylabel(f"{path.stem} {unit}")
+            ax.grid(alpha=0.3)
+            ax.legend(frameon=False, ncol=6)
+        axes[-1, 0].set_xlabel("t [s]")
+        figure.savefig(out / "plots" / f"{path.stem}.png", dpi=110)
+        plt.close(figure)
+
+
+def draw_energy(out):
+    """The energy ledger of the run, whichever programs wrote one."""
+    path = next((p for p in (out / "history" / f"{name}.csv" for name in ("energy", "fluid_energy", "solid_energy")) if p.is_file()), None)
+    if path is None:
+        return
+    table = compare.read_csv(path)
+    if len(table["t[s]"]) < 2:
+        return
+    figure, ax = plt.subplots(figsize=(8, 4.2), constrained_layout=True)
+    for name in table:
+        if name.endswith("[J]") and table[name].any():
+            ax.plot(table["t[s]"], table[name], linewidth=1.8 if name.startswith("total") else 1.0, label=name.removesuffix("[J]").replace("_", " "))
+    ax.set_xlabel("t [s]")
+    ax.set_ylabel("energy, cumulated work [J], per metre in the plane")
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False, fontsize=8, ncol=2)
+    figure.savefig(out / "plots" / "energy.png", dpi=110)
+    plt.close(figure)
 
 
 def draw_histories(case, settings, out):
@@ -42,89 +107,3 @@ def draw_histories(case, settings, out):
         name = column.split("[")[0]
         figure.savefig(out / "plots" / f"{history}_{name}.png", dpi=130)
         plt.close(figure)
-
-
-def frame_of(path, index):
-    """Points (n, 2), list of cells, and fields of one frame of a 2-D file; None if there is none."""
-    if not path.is_file():
-        return None
-    with h5py.File(path, "r", locking=False) as file:
-        names = sorted(file["frames"])
-        if not names:
-            return None
-        frame = file["frames"][names[index]]
-        points = frame["points"][:]
-        cells = [d[:] for d in frame.values() if isinstance(d, h5py.Dataset) and d.name.rsplit("/", 1)[-1].startswith("cells")]
-        fields = {k: frame["fields"][k][:] for k in frame["fields"]}
-        return float(frame.attrs["time"]), points, cells, fields
-
-
-def draw_frames(out, columns=6):
-    """Fluid pressure and von Mises stress of the solid: `columns` frames over the run, side by side, wide domains below each other."""
-    parts = {p: out / f"{p}.h5" for p in ("fluid", "solid")}
-    parts = {p: f for p, f in parts.items() if f.is_file()}
-    if not parts:
-        return
-    with h5py.File(next(iter(parts.values())), "r", locking=False) as file:
-        n = len(file["frames"])
-    low, high = extent(parts)
-    width, height = np.maximum(high - low, 1e-12)
-    wide = width > 1.5 * height
-    chosen = sorted({round(k) for k in np.linspace(0, n - 1, 4 if wide else columns)})
-    size = (9, 0.9 + len(chosen) * min(3.5, 1.0 + 7.0 * height / width)) if wide else (1.8 + len(chosen) * max(1.3, 0.8 + 5.5 * width / height), 6.5)
-    shape = (len(chosen), 1) if wide else (1, len(chosen))
-    figure, axes = plt.subplots(*shape, figsize=size, constrained_layout=True, squeeze=False, sharex=True, sharey=True)
-    ranges = {"fluid": value_range(parts.get("fluid"), "pressure"), "solid": value_range(parts.get("solid"), "von_mises")}
-    mappable = {}
-    for ax, k in zip(axes.flat, chosen):
-        for part, path in parts.items():
-            data = frame_of(path, k)
-            if data is None or np.ptp(data[1][:, 2]) > 0.0:
-                continue
-            time, points, cells, fields = data
-            name = "pressure" if part == "fluid" else "von_mises"
-            offset = 0
-            for block in cells:
-                values = fields[name]
-                values = values[block].mean(axis=1) if len(values) == len(points) else values[offset:offset + len(block)]
-                offset += len(block)
-                collection = PolyCollection(points[block][:, :, :2], array=values, cmap="viridis" if part == "fluid" else "inferno",
-                                            edgecolors="face", linewidths=0.2)
-                collection.set_clim(*ranges[part])
-                mappable[part] = ax.add_collection(collection)
-            ax.set_title(f"t = {time:.3g} s", fontsize=10)
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
-        ax.set_aspect("equal")
-        if width < 0.4 * height:  # no room for more than its ends
-            ax.set_xticks([low[0], high[0]])
-        ax.label_outer()
-    for ax in axes[-1]:
-        ax.set_xlabel("x [m]")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("y [m]")
-    for part, m in mappable.items():
-        figure.colorbar(m, ax=axes.ravel().tolist(), shrink=0.6, label="fluid pressure [Pa]" if part == "fluid" else "solid von Mises stress [Pa]")
-    figure.savefig(out / "plots" / "frames.png", dpi=120)
-    plt.close(figure)
-
-
-def extent(parts):
-    """Lowest and highest coordinates of all parts over the first and the last frame."""
-    corners = []
-    for path in parts.values():
-        for index in (0, -1):
-            data = frame_of(path, index)
-            if data is not None and len(data[1]):
-                corners += [data[1][:, :2].min(axis=0), data[1][:, :2].max(axis=0)]
-    return np.min(corners, axis=0), np.max(corners, axis=0)
-
-
-def value_range(path, name):
-    """1st and 99th percentile over all frames, so that one spike does not hide the rest."""
-    if path is None:
-        return 0.0, 1.0
-    with h5py.File(path, "r", locking=False) as file:
-        sample = np.concatenate([file["frames"][k]["fields"][name][:].ravel() for k in sorted(file["frames"])][::max(1, len(file["frames"]) // 20)])
-    low, high = np.percentile(sample, [1, 99])
-    return (low, high) if high > low else (low - 1.0, low + 1.0)
