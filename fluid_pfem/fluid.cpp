@@ -5,7 +5,6 @@
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
-#include "fluid_pfem/remesh/delaunay.hpp"
 #include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -364,7 +363,15 @@ void Fluid<dim>::remesh()
   }
   const SpacingReport spacing =
       refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, delaunay(nodes_.x), old, config_.remesh.shape);
+  for (const auto& [kept, gone] : spacing.merges)
+    delaunay_.merge(kept, gone);
+  for (const auto& [i, j, added] : spacing.splits)
+    delaunay_.split(i, j, added);
+  if (!spacing.new_number.empty())
+    delaunay_.renumber(spacing.new_number);
+  delaunay_.update(nodes_.x);
+  ShapeChoice<dim> choice =
+      choose_fluid<dim>(nodes_, pieces, delaunay_.simplices(), old, config_.remesh.shape);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
     release_mass(choice);
@@ -385,7 +392,8 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay(nodes_.x)));
+  delaunay_.update(nodes_.x);
+  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay_.simplices()));
   nodes_.M = nodes_.m;
 }
 
@@ -517,11 +525,13 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
       new_number[n] = kept++;
     else
     {
+      delaunay_.remove(static_cast<index_t>(n));
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
   if (kept == nodes_.size())
     return;
+  delaunay_.renumber(new_number);
   nodes_.for_each_field(
       [&](const char*, auto& field)
       {
@@ -655,6 +665,7 @@ void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
     new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
 
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
+  delaunay_.renumber(new_of_old);
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_of_old[static_cast<std::size_t>(n)];

@@ -6,6 +6,7 @@
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
+#include "fluid_pfem/remesh/moving_delaunay.hpp"
 #include "fluid_pfem/seeding.hpp"
 #include "fluid_pfem/walls.hpp"
 
@@ -96,6 +97,7 @@ public:
   const Walls<dim>& walls() const { return contact_; }
   Walls<dim>& walls() { return contact_; }
   std::int64_t steps() const { return steps_; }
+  const DelaunayCount& triangulations() const { return delaunay_.count(); }
 
   FluidEnergy energy() const;
   FluidMass mass_by_state() const;
@@ -141,6 +143,7 @@ private:
   Walls<dim> contact_;
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
+  MovingDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
   std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
   index_t n_wet_ = 0;                ///< nodes on an interface

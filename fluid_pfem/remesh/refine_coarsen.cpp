@@ -151,6 +151,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.m[k] += nodes.m[l];
     nodes.flag[k] = static_cast<std::uint8_t>(nodes.flag[k] | nodes.flag[l]);
     ++report.merged;
+    report.merges.push_back({static_cast<index_t>(k), static_cast<index_t>(l)});
   }
   for (const Edge& edge : far)
   {
@@ -194,6 +195,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
       nodes.m[parent] *= 2.0 / 3.0;
     }
     ++report.split;
+    report.splits.push_back({edge.i, edge.j, nodes.size() - 1});
   }
   if (report.merged > 0)
   {
@@ -208,6 +210,10 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     };
     nodes.for_each_field([&](const char*, auto& field) { compress(field); });
     compress(wall_pieces);
+    report.new_number.resize(dead.size());
+    index_t next = 0;
+    for (std::size_t n = 0; n < dead.size(); ++n)
+      report.new_number[n] = dead[n] ? -1 : next++;
   }
   return report;
 }

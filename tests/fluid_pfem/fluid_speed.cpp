@@ -136,11 +136,12 @@ int main(int argc, char** argv)
       "\"set_up_us_per_node\": {:.3f}, \"remesh_us_per_node\": {:.4f}, \"cpu_s\": {:.3f}, "
       "\"peak_bytes_per_node\": {:.0f}, \"triad_same_size\": {:.1f}, \"triad_memory\": {:.1f}, "
       "\"volume_error\": {:.2e}, \"mass_drift\": {:.1e}, \"remesh_gain\": {:.5f}, \"remesh_loss\": {:.5f}, "
-      "\"energy_scale\": {:.5f}, \"T\": {:.3f}}}\n",
+      "\"energy_scale\": {:.5f}, \"rebuilds\": {}, \"flips\": {}, \"T\": {:.3f}}}\n",
       fluid.nodes().size(), step, fluid.remeshes(), ns(all), ns(predict.total), ns(solve.total),
       ns(bound.total), ns(look.total), ns(remesh.total), ns(output.total), 1e6 * set_up / nodes,
       1e6 * remesh.total / std::max(1.0, remeshed_nodes), all, memory / nodes, triad(same_size, 20),
       triad(std::size_t{20000000}, 3), volume_error, fluid.mass() / M - 1.0, e.remesh_gain, e.remesh_loss,
-      config.tait.rho0 * g * 2.0 * a * a * a, T_end);
+      config.tait.rho0 * g * 2.0 * a * a * a, fluid.triangulations().rebuilds, fluid.triangulations().flips,
+      T_end);
   return 0;
 }
