@@ -166,9 +166,10 @@ int MovingDelaunay<2>::corner_of(index_t t, index_t v) const
   return corner[0] == v ? 0 : corner[1] == v ? 1 : corner[2] == v ? 2 : -1;
 }
 
-/// The edge opposite to corner k of t. Between two positive triangles: the circle decides. Otherwise the flip
-/// is wanted if it leaves two positive triangles.
-bool MovingDelaunay<2>::wants_flip(index_t t, int k) const
+/// The edge opposite to corner k of t. Between two positive triangles the circle decides. Otherwise a flip is
+/// wanted that leaves fewer inverted ones, or as many if t's corner has crossed its longest edge: it walks
+/// on.
+bool MovingDelaunay<2>::wants_flip(index_t t, int k, bool may_walk) const
 {
   const Triangle& p = triangles_[static_cast<std::size_t>(t)];
   const index_t u = p.next[static_cast<std::size_t>(k)];
@@ -179,9 +180,16 @@ bool MovingDelaunay<2>::wants_flip(index_t t, int k) const
         &b = x_[static_cast<std::size_t>(p.v[static_cast<std::size_t>((k + 1) % 3)])],
         &c = x_[static_cast<std::size_t>(p.v[static_cast<std::size_t>((k + 2) % 3)])],
         &e = x_[static_cast<std::size_t>(d)];
-  if (positive_[static_cast<std::size_t>(t)] && positive_[static_cast<std::size_t>(u)])
+  const bool t_good = positive_[static_cast<std::size_t>(t)], u_good = positive_[static_cast<std::size_t>(u)];
+  if (t_good && u_good)
     return in_circle(a, b, c, e) > 0;
-  return orientation(a, b, e) > 0 && orientation(a, e, c) > 0;
+  const int before = !t_good + !u_good, after = (orientation(a, b, e) <= 0) + (orientation(a, e, c) <= 0);
+  if (after != before || !may_walk || before == 2)
+    return after < before;
+  // Seen from the corner that crossed.
+  const Vec<2>& corner = t_good ? e : a;
+  const double across = norm_squared(b - c);
+  return across > norm_squared(b - corner) && across > norm_squared(c - corner);
 }
 
 /// (a, b, c) and (d, c, b) become (a, b, d) and (a, d, c).
@@ -225,29 +233,35 @@ bool MovingDelaunay<2>::repair()
   stack_.clear();
   for (index_t t = 0; t < n; ++t)
     for (int k = 0; k < 3; ++k)
-      if (triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)] > t && wants_flip(t, k))
+      if (triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)] > t &&
+          wants_flip(t, k, true))
         stack_.push_back({t, k});
-  std::int64_t left = 20 * static_cast<std::int64_t>(n);
+  std::int64_t left = 20 * static_cast<std::int64_t>(n), walks = 16 * inverted;
   while (!stack_.empty())
   {
     const auto [t, k] = stack_.back();
     stack_.pop_back();
-    if (!wants_flip(t, k))
+    if (!wants_flip(t, k, walks > 0))
       continue;
     if (--left < 0)
       return false;
     const index_t u = triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)];
     auto &good_t = positive_[static_cast<std::size_t>(t)], &good_u = positive_[static_cast<std::size_t>(u)];
-    const bool by_circle = good_t && good_u;
+    const int bad = !good_t + !good_u;
     flip(t, k);
-    inverted -= !good_t + !good_u;
-    good_t = good_u = 1;
+    if (bad > 0)
+    {
+      good_t = positive(triangles_[static_cast<std::size_t>(t)]);
+      good_u = positive(triangles_[static_cast<std::size_t>(u)]);
+      const int still_bad = !good_t + !good_u;
+      inverted += still_bad - bad;
+      walks -= still_bad == bad;
+      stack_.push_back({t, 1}); // a–d need not be Delaunay
+    }
     stack_.push_back({t, 0}); // the outer edges: b–d, a–b; d–c, c–a
     stack_.push_back({t, 2});
     stack_.push_back({u, 0});
     stack_.push_back({u, 1});
-    if (!by_circle)
-      stack_.push_back({t, 1}); // a–d need not be Delaunay
   }
   return inverted == 0;
 }

@@ -79,7 +79,7 @@ private:
   bool repair();
   void rebuild();
   bool positive(const Triangle& t) const;
-  bool wants_flip(index_t t, int k) const;
+  bool wants_flip(index_t t, int k, bool may_walk) const;
   void flip(index_t t, int k);
   int corner_of(index_t t, index_t v) const;
   int edge_to(index_t t, index_t other) const;
