@@ -55,7 +55,7 @@ CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& co
 void CouplerOutput::observe(const WindowRecord& r)
 {
   const EnergyBalance e = energy_of(r.fluid, r.solid);
-  balance_ = r.gc.balance();
+  balance_ = r.balance;
   t_ = r.plan.t_end;
   total_now_ = e.total();
   largest_energy_ = std::max({largest_energy_, e.kinetic, std::abs(e.internal)});
@@ -63,8 +63,8 @@ void CouplerOutput::observe(const WindowRecord& r)
   largest_gap_ = std::max(largest_gap_, balance_.displacement_gap);
   compute_ = {r.fluid.compute_seconds, r.solid.compute_seconds};
   wait_ = {r.fluid.wait_seconds, r.solid.wait_seconds};
-  builds_ = r.interface.builds();
-  factorisations_ = r.gc.factorisations();
+  builds_ = r.searches;
+  factorisations_ = r.solves;
   const bool start = r.plan.t_end == r.plan.t_begin;
   if (start)
     total_at_start_ = total_now_;

@@ -4,6 +4,7 @@
 #include "common/program/program.hpp"
 #include "coupler/coupler_output.hpp"
 #include "coupler/run.hpp"
+#include "coupler/run_contact.hpp"
 #include "coupler/staggered.hpp"
 
 #include <fmt/format.h>
@@ -16,8 +17,9 @@ namespace
 using namespace undine;
 
 /// The scheme of the case must be one that both participants can take part in.
-void require_level(const std::string& scheme, const link::World& world)
+void require_level(const CouplingConfig& coupling, const link::World& world)
 {
+  const std::string& scheme = coupling.scheme;
   const auto can = [&world](const char* role, std::uint64_t capability)
   { return (world.capabilities_of(role) & capability) != 0; };
   const std::string solid = "'solid' (" + world.solver_of("solid") + ")";
@@ -27,6 +29,12 @@ void require_level(const std::string& scheme, const link::World& world)
   if (scheme == "gc" && !can("solid", link::capability::link))
     throw InputError("coupling.scheme = \"gc\" needs a solid that gives free velocities (level B), but " +
                      solid + " only takes forces (level A); write coupling.scheme = \"staggered\"");
+  if (coupling.has_contact() &&
+      !(can("fluid", link::capability::contact) && can("solid", link::capability::contact)))
+    throw InputError(
+        "separation = true needs participants that exchange in the middle of the step (capability "
+        "\"contact\"), but 'fluid' is (" +
+        world.solver_of("fluid") + ") and " + solid + "; write separation = false");
   if (scheme == "staggered" && !can("solid", link::capability::force_in))
     throw InputError("coupling.scheme = \"staggered\" is for a solid that takes forces (level A), but " +
                      solid + " gives free velocities (level B); write coupling.scheme = \"gc\"");
@@ -50,7 +58,7 @@ void start(Launch& launch)
     return;
   }
   const link::World world = launch.meet({"fluid", "solid"});
-  require_level(launch.coupling.scheme, world);
+  require_level(launch.coupling, world);
   const auto log = make_log(launch.output.dir, launch.role, false);
   link::PartnerLink fluid(world.channel("fluid"), "fluid"), solid(world.channel("solid"), "solid");
   log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"),
@@ -61,13 +69,15 @@ void start(Launch& launch)
   coupler::CouplerOutput output(launch.output, config);
   try
   {
-    const auto run = launch.coupling.scheme == "gc" ? coupler::run_coupler : coupler::run_staggered;
+    const auto run = launch.coupling.has_contact()    ? coupler::run_contact
+                     : launch.coupling.scheme == "gc" ? coupler::run_coupler
+                                                      : coupler::run_staggered;
     const auto windows = run(
         config, fluid, solid,
         [&](const coupler::WindowRecord& r)
         {
           if (r.plan.t_end == r.plan.t_begin)
-            for (const auto& i : r.interface.report())
+            for (const auto& i : r.interfaces)
               log->info("interface '{}': {} multipliers on the {}, fluid side {:.6g} m covered {:.4g}, "
                         "solid side {:.6g} m covered {:.4g}, largest gap {:.3g} m",
                         i.name, i.multipliers, i.multiplier_side == coupler::Side::fluid ? "fluid" : "solid",

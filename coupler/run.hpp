@@ -10,6 +10,7 @@
 
 #include <array>
 #include <functional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,8 +31,10 @@ struct WindowRecord
   const WindowPlanner::Plan& plan;
   const link::Report& fluid;
   const link::Report& solid;
-  const GravouilCombescure& gc;
-  const Interface& interface;
+  const InterfaceBalance& balance;
+  std::span<const InterfaceReport> interfaces;
+  std::int64_t searches; ///< operators built, or searches for contact, since the start
+  std::int64_t solves;   ///< factorisations, or contact problems solved, since the start
 };
 
 WindowRules rules_of(const CouplingConfig&);

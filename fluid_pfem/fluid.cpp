@@ -47,6 +47,9 @@ std::array<Vec<dim>, dim + 1> corners(const FluidNodes<dim>& nodes, const Simple
   return x;
 }
 
+/// Nodes this near to a solid are watched for contact with it, in units of the spacing.
+constexpr double contact_reach = 2.0;
+
 /// z, or 0 in the plane.
 template <int dim>
 double third(const Vec<dim>& x)
@@ -69,7 +72,8 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
     wall_kind_[static_cast<std::size_t>(std::countr_zero(bit))] = wall.kind;
   }
   for (const auto& [interface, surface] : config.interfaces)
-    wet_mask_ |= surface_bit(surface, "interface '" + interface + "': fluid");
+    if (surface != InterfaceConfig::whole_boundary)
+      wet_mask_ |= surface_bit(surface, "interface '" + interface + "': fluid");
   if (wall_mask_ & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
@@ -123,23 +127,72 @@ SurfaceMask Fluid<dim>::surface_bit(const std::string& name, const std::string& 
 template <int dim>
 void Fluid<dim>::predict(double dt)
 {
+  predict_velocity(dt);
+  predict_position(dt);
+}
+
+template <int dim>
+void Fluid<dim>::predict_velocity(double dt)
+{
   t_ += dt;
   const index_t n_nodes = nodes_.size();
   for (index_t n = 0; n < n_nodes; ++n)
     nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
-  double fastest = 0.0; // squared
   if (!contact_.empty())
   {
     contact_.move_to(t_);
-    wall_work_ += contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a,
-                                   dt_before_ > 0.0 ? dt_before_ : dt);
+    wall_work_ += push_off_walls(dt);
+  }
+}
+
+template <int dim>
+double Fluid<dim>::push_off_walls(double dt)
+{
+  return contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a,
+                          dt_before_ > 0.0 ? dt_before_ : dt);
+}
+
+template <int dim>
+void Fluid<dim>::push(std::span<const double> f_link, double dt)
+{
+  require(f_link.size() == static_cast<std::size_t>(n_wet_) * dim, "the link force fits the wet surface");
+  const double dt_mean = 0.5 * (dt + (dt_before_ > 0.0 ? dt_before_ : dt)); // from one half step to the next
+  bool pushed = false;
+  for (index_t n = 0; n < n_wet_; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    Vec<dim> J;
+    for (int k = 0; k < dim; ++k)
+      J[k] = dt * f_link[i * dim + static_cast<std::size_t>(k)];
+    if (J == Vec<dim>{})
+      continue;
+    pushed = true;
+    Vec<dim> dv = (1.0 / nodes_.inertia[i]) * J;
+    constrain(dv, n);
+    // Mean of the velocities in the half steps before and after: exactly the change of kinetic energy between
+    // them.
+    interface_work_ += dot(J, nodes_.v[i] + 0.5 * (dv - dt_mean * nodes_.a[i]));
+    nodes_.v[i] += dv;
+    nodes_.a[i] += (1.0 / dt_mean) * dv;
+  }
+  if (pushed && !contact_.empty())
+    wall_work_ += push_off_walls(dt); // a node between the solid and a wall
+}
+
+template <int dim>
+void Fluid<dim>::predict_position(double dt)
+{
+  const index_t n_nodes = nodes_.size();
+  double fastest = 0.0; // squared
+  if (!contact_.empty() || !solid_.empty())
     for (index_t n = 0; n < n_nodes; ++n)
       fastest = std::max(fastest, norm_squared(nodes_.v[static_cast<std::size_t>(n)]));
-  }
   for (index_t n = 0; n < n_nodes; ++n)
     nodes_.x[static_cast<std::size_t>(n)] += dt * nodes_.v[static_cast<std::size_t>(n)];
   if (!contact_.empty() && contact_.candidates_expired(dt * std::sqrt(fastest)))
     contact_.find_candidates(nodes_.x, config_.element_size);
+  if (!solid_.empty())
+    travel_ += dt * (std::sqrt(fastest) + 2.0 * solid_.speed());
   dt_before_ = dt;
 }
 
@@ -329,6 +382,8 @@ double Fluid<dim>::critical_time_step() const
 template <int dim>
 bool Fluid<dim>::is_distorted() const
 {
+  if (!solid_.empty() && travel_ > 0.5 * contact_reach * config_.element_size)
+    return true; // nodes that nobody watches could reach the solid
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
   {
     const double q = quality<dim>(corners(nodes_, mesh_.elements[e]));
@@ -351,6 +406,27 @@ bool Fluid<dim>::is_distorted() const
 }
 
 template <int dim>
+void Fluid<dim>::meet_solid(const link::SurfaceMesh& solid)
+{
+  const bool first = solid_.empty();
+  solid_.show(solid, t_);
+  if (first)
+    triangulate();
+}
+
+/// Delaunay simplices of all nodes that the solid leaves room for.
+template <int dim>
+std::vector<Simplex<dim>> Fluid<dim>::triangulation()
+{
+  delaunay_.update(nodes_.x);
+  std::vector<Simplex<dim>> simplices = delaunay_.simplices();
+  if (!solid_.empty())
+    std::erase_if(simplices, [&](const Simplex<dim>& e)
+                  { return solid_.blocks(corners(nodes_, e), nodes_.h[static_cast<std::size_t>(e[0])]); });
+  return simplices;
+}
+
+template <int dim>
 void Fluid<dim>::remesh()
 {
   const double before = energy().total();
@@ -369,9 +445,10 @@ void Fluid<dim>::remesh()
     delaunay_.split(i, j, added);
   if (!spacing.new_number.empty())
     delaunay_.renumber(spacing.new_number);
-  delaunay_.update(nodes_.x);
-  ShapeChoice<dim> choice =
-      choose_fluid<dim>(nodes_, pieces, delaunay_.simplices(), old, config_.remesh.shape);
+  if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.3 * nodes_.h[n]);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
     release_mass(choice);
@@ -392,8 +469,7 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  delaunay_.update(nodes_.x);
-  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay_.simplices()));
+  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation()));
   nodes_.M = nodes_.m;
 }
 
@@ -401,9 +477,16 @@ template <int dim>
 std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 {
   std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
+  constexpr double tolerance = 0.02; // of the spacing
   if (!contact_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      pieces[n] = contact_.pieces_at(nodes_.x[n], 0.02 * nodes_.h[n]);
+      pieces[n] = contact_.pieces_at(nodes_.x[n], tolerance * nodes_.h[n]);
+  if (!solid_.empty())
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      for (const int side : solid_.sides_at(nodes_.x[n], tolerance * nodes_.h[n]))
+        if (const auto free = std::find(pieces[n].begin(), pieces[n].end(), -1);
+            side >= 0 && free != pieces[n].end())
+          *free = side;
   return pieces;
 }
 
@@ -414,7 +497,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
   // must come first.
   constexpr std::int64_t order_every = 25;
-  if (wet_mask_ != 0 || ledger_.remeshes % order_every == 0)
+  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
     order_nodes(elements);
   else
     n_layer_ = 0;
@@ -629,8 +712,10 @@ void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
   std::vector<int> group(n_nodes, 2);
   n_wet_ = n_layer_ = 0;
   for (std::size_t n = 0; n < n_nodes; ++n)
-    if ((nodes_.surface[n] & wet_mask_) && used[n])
+    if (((nodes_.surface[n] & wet_mask_) && used[n]) ||
+        solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
       group[n] = 0;
+  travel_ = 0.0;
   for (const auto& e : elements)
     if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
       for (const index_t n : e)
@@ -749,7 +834,8 @@ link::SurfaceMesh Fluid<dim>::wet_surface() const
     if (common == 0)
       continue;
     for (std::size_t k = 0; k < config_.interfaces.size(); ++k)
-      if (common & surface_bit(config_.interfaces[k].second, "interface"))
+      if (config_.interfaces[k].second != InterfaceConfig::whole_boundary &&
+          common & surface_bit(config_.interfaces[k].second, "interface"))
       {
         s.face_nodes.insert(s.face_nodes.end(), facet.begin(), facet.end());
         s.face_offset.push_back(static_cast<std::int32_t>(s.face_nodes.size()));

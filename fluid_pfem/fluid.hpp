@@ -8,6 +8,7 @@
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
 #include "fluid_pfem/seeding.hpp"
+#include "fluid_pfem/solid_surface.hpp"
 #include "fluid_pfem/walls.hpp"
 
 #include <cstdint>
@@ -65,6 +66,13 @@ public:
   // --------------------------------------------------------------------------------------
   /// v ← v + Δt/2 a,  x ← x + Δt v.
   void predict(double dt);
+  /// The same in two parts, for contact with a solid: between them v is v^{n−1/2} + Δt a^n, and the link
+  /// pushes.
+  void predict_velocity(double dt);
+  void predict_position(double dt);
+  /// v ← v + Δt M⁻¹ f on the wet nodes, between predict_velocity and predict_position. `f_link` [N], n_wet ×
+  /// dim.
+  void push(std::span<const double> f_link, double dt);
   /// M_ρ R = R₀ (7), p = p(ρ) (3), a = M⁻¹F (5), v ← v + Δt/2 a of the wet nodes: all that the coupler waits
   /// for.
   void solve_free_motion_of_interface(double dt);
@@ -84,6 +92,9 @@ public:
   /// recomputed (without link).
   void remesh();
   double time() const { return t_; } ///< [s]
+  /// The solid that the fluid may meet and leave, at the present time. From the first call on the wet nodes
+  /// are those near it; the next remesh() goes by this surface.
+  void meet_solid(const link::SurfaceMesh& solid);
 
   // --- what others ask for
   // ------------------------------------------------------------------------------------------
@@ -116,7 +127,9 @@ public:
   void set_velocity(const std::vector<Vec<dim>>& v);
 
 private:
+  double push_off_walls(double dt);
   void triangulate();
+  std::vector<Simplex<dim>> triangulation();
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
@@ -141,6 +154,8 @@ private:
   std::vector<WallKind> wall_kind_; ///< per surface; meaningful where wall_mask_ is set
   SurfaceMask wall_mask_ = 0, wet_mask_ = 0;
   Walls<dim> contact_;
+  SolidSurface<dim> solid_;
+  double travel_ = 0.0; ///< of the fastest fluid and solid nodes since the wet nodes were chosen [m]
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
   MovingDelaunay<dim> delaunay_;

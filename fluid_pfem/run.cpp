@@ -40,7 +40,7 @@ template <int dim>
 void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe)
 {
   const auto begin = std::chrono::steady_clock::now();
-  const double initial_potential = fluid.energy().potential;
+  double initial_potential = 0.0;
   const auto report = [&](bool surface_changed)
   {
     link::Report r = report_of(fluid, initial_potential);
@@ -51,6 +51,10 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
   };
 
   const link::Setup setup = link.receive_setup();
+  const bool in_contact = setup.scheme == link::contact_surface_scheme;
+  if (in_contact)
+    fluid.meet_solid(link.receive_surface());
+  initial_potential = fluid.energy().potential;
   link.send_mesh(fluid.wet_surface());
   observe(setup.t_begin, fluid, true);
   std::vector<double> f_link(fluid.interface_velocity().size());
@@ -64,7 +68,16 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
       link.send_kinematics(fluid.kinematics());
       fluid.apply_activation(link.receive_activation());
     }
-    for (std::int64_t j = 0; j < window->steps; ++j)
+    if (in_contact) // the exchange is in the middle of the step
+    {
+      fluid.predict_velocity(dt);
+      link.send_free_velocity(fluid.interface_velocity());
+      link.receive_link_force(f_link);
+      fluid.push(f_link, dt);
+      fluid.predict_position(dt);
+      fluid.solve_free_motion(dt);
+    }
+    for (std::int64_t j = 0; j < window->steps && !in_contact; ++j)
     {
       fluid.predict(dt);
       fluid.solve_free_motion_of_interface(dt);
@@ -76,14 +89,21 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
     observe(window->t_end, fluid, window->output);
 
     const bool remesh = !window->last && fluid.is_distorted();
+    if (remesh && !in_contact)
+      fluid.remesh();
+    report(remesh);
+    if (remesh && in_contact)
+    {
+      fluid.meet_solid(link.receive_surface());
+      fluid.remesh();
+    }
     if (remesh)
     {
-      fluid.remesh();
       f_link.resize(fluid.interface_velocity().size());
-    }
-    report(remesh);
-    if (remesh)
       link.send_mesh_update(fluid.wet_surface());
+    }
+    if (remesh && in_contact)
+      report(false);
   }
 }
 

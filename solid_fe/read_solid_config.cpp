@@ -296,7 +296,8 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   read_supports_and_loads(solid, dim, config);
   read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)
-    config.wet.push_back({interface.name, interface.solid});
+    for (const auto& surface : interface.solid_surfaces)
+      config.wet.push_back({interface.name, surface});
   return config;
 }
 

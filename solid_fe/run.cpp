@@ -163,6 +163,7 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
   const auto setup = link.receive_setup();
   const auto surface = solid.wet_surface();
   require_same_interfaces(setup, surface);
+  const bool in_contact = setup.scheme == link::contact_scheme;
   link.send_mesh(surface);
 
   const double started = seconds_now(), waited = link.wait_seconds();
@@ -193,8 +194,17 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
       solid.apply_activation(link.receive_activation());
     }
     const double dt = window->dt();
+    if (in_contact) // the exchange is in the middle of the step
+    {
+      solid.predict_velocity(dt); // v ← v + Δt/2 a
+      link.send_free_velocity(solid.interface_velocity());
+      link.receive_link_force(f_link);
+      solid.push(f_link, dt);     // v ← v + Δt M⁻¹ f
+      solid.predict_position(dt); // u ← u + Δt v
+      solid.solve_free_motion(dt);
+    }
     result.smallest_step = std::min(result.smallest_step, dt);
-    for (std::int64_t j = 1; j <= window->steps; ++j)
+    for (std::int64_t j = 1; j <= window->steps && !in_contact; ++j)
     {
       const bool exchange = window->fine || j == window->steps;
       solid.predict(dt); // v ← v + Δt/2 a,  u ← u + Δt v

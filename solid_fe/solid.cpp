@@ -169,34 +169,71 @@ void Solid<dim>::start_balances()
 template <int dim>
 void Solid<dim>::predict(double dt)
 {
+  predict_velocity(dt);
+  predict_position(dt);
+}
+
+template <int dim>
+void Solid<dim>::predict_velocity(double dt)
+{
   if (dt != dt_)
   {
     t_origin_ = time();
     steps_of_dt_ = 0;
+    dt_before_ = dt_ > 0.0 ? dt_ : dt;
     dt_ = dt;
   }
+  else
+    dt_before_ = dt;
   const double load_time = time();
   ++steps_of_dt_;
   ++step_;
 
   const double half = 0.5 * dt;
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-  {
     nodes_.v[n] += half * nodes_.a[n];
-    nodes_.u[n] += dt * nodes_.v[n];
-  }
-  for (auto& body : rigid_)
-    body.predict(dt, nodes_);
   for (auto& driven : driven_)
     if (driven.function >= 0) // the velocity in the middle of the step moves the node
     {
-      auto& v = nodes_.v[driven.node][driven.component];
       driven.v_step = driving_[static_cast<std::size_t>(driven.function)](
           static_cast<std::size_t>(driven.component), nodes_.X[driven.node], load_time + half);
-      nodes_.u[driven.node][driven.component] += dt * (driven.v_step - v);
-      v = driven.v_step;
+      nodes_.v[driven.node][driven.component] = driven.v_step;
     }
+}
 
+template <int dim>
+void Solid<dim>::push(std::span<const double> f_link, double dt)
+{
+  assert(f_link.size() == f_link_.size() * dim);
+  const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
+  for (std::size_t n = 0; n < f_link_.size(); ++n)
+    for (int i = 0; i < dim; ++i)
+    {
+      const double f = f_link[n * dim + static_cast<std::size_t>(i)];
+      const double dv = dt * nodes_.inverse_mass[n][i] * f, v = nodes_.v[n][i];
+      // Mean of the velocities in the half steps before and after: exactly the change of kinetic energy
+      // between them.
+      if (nodes_.inverse_mass[n][i] > 0.0)
+        interface_work_ += dt * f * (v + 0.5 * (dv - dt_mean * nodes_.a[n][i]));
+      nodes_.v[n][i] = v + dv;
+    }
+  for (auto& driven : driven_)
+    if (driven.node < f_link_.size())
+    {
+      const double f = f_link[driven.node * dim + static_cast<std::size_t>(driven.component)];
+      interface_work_ += dt * f * driven.v_step;
+      driven_work_ -= dt * f * driven.v_step;
+    }
+}
+
+template <int dim>
+void Solid<dim>::predict_position(double dt)
+{
+  const double load_time = time() - dt;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    nodes_.u[n] += dt * nodes_.v[n];
+  for (auto& body : rigid_)
+    body.predict(dt, nodes_);
   for (std::size_t n = 0; n < step_of_wet_.size(); ++n)
     step_of_wet_[n] = dt * nodes_.v[n];
   for (const auto& load : loads_)

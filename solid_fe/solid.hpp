@@ -66,6 +66,13 @@ public:
 
   /// v ← v + Δt/2 a,  u ← u + Δt v.
   void predict(double dt);
+  /// The same in two parts, for contact with the fluid: between them v is v^{n−1/2} + Δt a^n, and the link
+  /// pushes.
+  void predict_velocity(double dt);
+  void predict_position(double dt);
+  /// v ← v + Δt M⁻¹ f on the wet nodes, between predict_velocity and predict_position. f_link [N]: n_wet ×
+  /// dim.
+  void push(std::span<const double> f_link, double dt);
   /// a = M⁻¹ (F_ext − F_int(u)),  v ← v + Δt/2 a: from here on v is v_free.
   /// @throws NumericalError if an element is inverted: element, position, step, time
   void solve_free_motion(double dt);
@@ -160,6 +167,7 @@ private:
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
   std::vector<Vec<dim>> step_of_wet_; ///< Δu of the wet nodes in this step [m]
 
+  double dt_before_ = 0.0;           ///< of the step before this one
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
   std::int64_t steps_of_dt_ = 0, step_ = 0;
   double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]

@@ -13,14 +13,25 @@ CouplingConfig read_coupling(const CaseFile& file)
   {
     InterfaceConfig i;
     i.name = t.text({"name", "", "name of the interface in messages and histories"});
-    i.fluid = t.text({"fluid", "", "name of the fluid's surface"});
-    i.solid = t.text({"solid", "", "name of the solid's surface"});
+    i.fluid =
+        t.text({"fluid", "", "name of the fluid's surface; \"boundary\" with separation = true: all of it"});
+    const Key solid{"solid", "", "name of the solid's surface, or a list of them"};
+    i.solid_surfaces =
+        t.is_text("solid") || !t.has("solid") ? std::vector{t.text(solid)} : t.texts(solid, {});
+    for (const auto& surface : i.solid_surfaces)
+      i.solid += (i.solid.empty() ? "" : ", ") + surface;
     i.kind = t.choice({"kind", "", "slip: only the normal velocity is continuous; no_slip: all of it"},
                       "slip", {"slip", "no_slip"});
     i.separation =
         t.boolean({"separation", "", "the fluid may leave the solid where the interface pulls"}, false);
-    if (i.separation)
-      t.fail("separation", "this release keeps the wet surface for the whole run; write separation = false");
+    if (i.separation && i.kind == "no_slip")
+      t.fail("kind",
+             "a fluid that may leave the solid slides along it; write kind = \"slip\" or separation = false");
+    if (i.separation != (i.fluid == InterfaceConfig::whole_boundary))
+      t.fail(
+          i.separation ? "fluid" : "separation",
+          "with separation = true any part of the fluid may meet the solid: write fluid = \"boundary\"; with "
+          "separation = false name the surface of the fluid that stays on it");
     i.multiplier = t.choice({"multiplier", "", "the side that carries the Lagrange multipliers"}, "finer",
                             {"finer", "fluid", "solid"});
     config.interfaces.push_back(i);
@@ -31,6 +42,14 @@ CouplingConfig read_coupling(const CaseFile& file)
                 "gc: Gravouil-Combescure, each side with its own step; staggered: for a foreign solid "
                 "that takes forces only"},
                "gc", {"gc", "staggered"});
+  if (config.scheme == "staggered" && config.has_contact())
+    t.fail("scheme", "separation = true needs a solid that gives free velocities; write scheme = \"gc\"");
+  for (const InterfaceConfig& i : config.interfaces)
+    if (i.separation != config.has_contact())
+      t.fail("", "interface '" + i.name +
+                     "': all interfaces of a case either let the fluid leave or keep it; write the same "
+                     "separation in "
+                     "each [[interface]]");
   config.fine =
       t.choice({"fine", "", "the side with the smaller steps; auto: whichever has the smaller stable step"},
                "auto", {"auto", "fluid", "solid"});

@@ -3,6 +3,7 @@
 
 #include "common/config/case_file.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,12 +14,15 @@ namespace undine
 
 struct InterfaceConfig
 {
+  static constexpr const char* whole_boundary =
+      "boundary"; ///< value of `fluid` where the fluid may come and go
   std::string name;
-  std::string fluid;      ///< name of the fluid's surface
-  std::string solid;      ///< name of the solid's surface
-  std::string kind;       ///< "slip" | "no_slip"
-  bool separation;        ///< the fluid may leave the solid
-  std::string multiplier; ///< "finer" | "fluid" | "solid"
+  std::string fluid;                            ///< name of the fluid's surface
+  std::string solid;                            ///< name of the solid's surface, for messages
+  std::string kind;                             ///< "slip" | "no_slip"
+  bool separation;                              ///< the fluid may leave the solid
+  std::string multiplier;                       ///< "finer" | "fluid" | "solid"
+  std::vector<std::string> solid_surfaces = {}; ///< `solid`, one by one
 };
 
 struct CouplingConfig
@@ -34,6 +38,12 @@ struct CouplingConfig
   double energy_limit = 0.05;   ///< unexplained interface energy over the work done
   double hello_timeout = 60.0;  ///< [s]
   double stall_timeout = 300.0; ///< [s], 0 = off
+
+  /// The fluid may leave the solid somewhere: contact with one step for both sides.
+  bool has_contact() const
+  {
+    return std::any_of(interfaces.begin(), interfaces.end(), [](const auto& i) { return i.separation; });
+  }
 };
 
 /// Read [coupling] and [[interface]]. @throws InputError

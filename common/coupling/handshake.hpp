@@ -39,7 +39,8 @@ namespace capability
 {
 inline constexpr std::uint64_t force_in =
     1u << 0; ///< level A: takes nodal forces, returns positions and velocities
-inline constexpr std::uint64_t link = 1u << 1; ///< level B: returns free velocities, takes link forces
+inline constexpr std::uint64_t link = 1u << 1;    ///< level B: returns free velocities, takes link forces
+inline constexpr std::uint64_t contact = 1u << 2; ///< level B with the exchange in the middle of the step
 } // namespace capability
 
 struct Hello

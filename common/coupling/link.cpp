@@ -30,6 +30,7 @@ enum class End
 enum class State
 {
   setup,
+  surface,
   mesh,
   mesh_reply,
   report,
@@ -59,6 +60,8 @@ constexpr Turn turn(State state)
   {
   case State::setup:
     return {End::coupler, {MessageType::setup, MessageType::setup}};
+  case State::surface:
+    return {End::coupler, {MessageType::surface, MessageType::surface}};
   case State::mesh:
     return {End::participant, {MessageType::mesh, MessageType::mesh}};
   case State::mesh_reply:
@@ -230,6 +233,7 @@ public:
   {
     setup_dim_ = setup.dim;
     takes_forces_ = setup.scheme == staggered_scheme;
+    sees_surface_ = setup.scheme == contact_surface_scheme;
     window_.t_begin = window_.t_end = setup.t_begin;
   }
 
@@ -268,19 +272,23 @@ public:
     switch (type)
     {
     case MessageType::setup:
-      state_ = State::mesh;
+      state_ = sees_surface_ ? State::surface : State::mesh;
+      break;
+    case MessageType::surface:
+      state_ = size_known_ ? State::mesh_update : State::mesh;
       break;
     case MessageType::mesh:
+      size_known_ = true;
       state_ = State::mesh_reply;
       break;
     case MessageType::mesh_reply:
       state_ = !mesh_accepted_ ? State::closed : takes_forces_ ? State::motion : State::report;
       break;
     case MessageType::ready:
-      state_ = surface_changed_ ? State::mesh_update : State::window_or_bye;
+      state_ = !surface_changed_ ? State::window_or_bye : sees_surface_ ? State::surface : State::mesh_update;
       break;
-    case MessageType::mesh_update:
-      state_ = State::window_or_bye;
+    case MessageType::mesh_update: // beside the partner's surface; energies and stable step follow from it
+      state_ = sees_surface_ ? State::report : State::window_or_bye;
       break;
     case MessageType::window:
       state_ = takes_forces_      ? State::link_force
@@ -494,6 +502,8 @@ private:
   bool over_ = false; ///< by BYE or FAIL
   int setup_dim_ = 0;
   bool takes_forces_ = false; ///< level A
+  bool sees_surface_ = false; ///< the partner's surface precedes its own
+  bool size_known_ = false;   ///< MESH has been exchanged
   int dim_ = 1;
   std::size_t size_ = 0; ///< numbers in a vector of the wet surface
   std::uint32_t epoch_ = 0;
@@ -538,6 +548,14 @@ Setup SolverLink::receive_setup()
   Setup setup = wire::read_setup(conversation_->reader());
   conversation_->accept(MessageType::setup, setup);
   return setup;
+}
+
+SurfaceMesh SolverLink::receive_surface()
+{
+  conversation_->receive(MessageType::surface);
+  SurfaceMesh surface = wire::read_surface_mesh(conversation_->reader());
+  conversation_->advance(MessageType::surface);
+  return surface;
 }
 
 void SolverLink::send_mesh(const SurfaceMesh& mesh)
@@ -618,6 +636,11 @@ PartnerLink::~PartnerLink() = default;
 PartnerLink::PartnerLink(PartnerLink&&) noexcept = default;
 
 void PartnerLink::send_setup(const Setup& setup) { conversation_->send_learning(MessageType::setup, setup); }
+
+void PartnerLink::send_surface(const SurfaceMesh& surface)
+{
+  conversation_->send(MessageType::surface, [&](wire::Writer& out) { wire::write(out, surface); });
+}
 
 SurfaceMesh PartnerLink::receive_mesh()
 {

@@ -21,6 +21,9 @@
 //   repeat    C WINDOW  C LINK_FORCE   P MOTION  P READY [P MESH_UPDATE]
 //   C BYE     P BYE_ACK
 //
+// With scheme "contact+surface" C SURFACE precedes P MESH and P MESH_UPDATE, and a second P READY follows the
+// latter; with both contact schemes every window is one step of both sides and has no KINEMATICS.
+//
 // At any time: P STOP_REQUEST, and PING or FAIL of both.
 #pragma once
 
@@ -44,6 +47,8 @@ public:
   SolverLink(SolverLink&&) noexcept;
 
   Setup receive_setup();
+  /// Scheme "contact+surface": the partner's wet surface, before send_mesh and before each send_mesh_update.
+  SurfaceMesh receive_surface();
   /// Waits for the MESH_REPLY. @throws ProtocolError(4) with the coupler's reason if it rejects the mesh
   void send_mesh(const SurfaceMesh&);
   void send_report(const Report&);
@@ -74,6 +79,7 @@ public:
   PartnerLink(PartnerLink&&) noexcept;
 
   void send_setup(const Setup&);
+  void send_surface(const SurfaceMesh&); ///< scheme "contact+surface": of the other participant
   SurfaceMesh receive_mesh();
   void accept_mesh();
   void reject_mesh(const std::string& reason);

@@ -34,7 +34,7 @@ enum class MessageType : std::uint16_t
   ping = 15,            ///< any  alive, still working
   kinematics = 16, ///< P→C  velocity and free acceleration at a synchronised time, asked for by an activation
   activation_impulse = 17, ///< C→P  impulse and link force that make the start compatible
-  surface = 18,            ///< reserved: C→P the partner's wet surface (faces, x, v) for contact detection
+  surface = 18,            ///< C→P  the partner's wet surface, for contact and remeshing beside it
   motion = 19              ///< P→C  positions and velocities of a participant at level A
 };
 
@@ -96,12 +96,19 @@ struct Setup
 {
   int dim = 2;
   double t_begin = 0.0, t_end = 0.0; ///< [s]
-  /// "gc": the participant is asked for free velocities (level B); "staggered": it is given forces (level A).
+  /// "gc": the participant is asked for free velocities (level B); "staggered": it is given forces (level A);
+  /// "contact" and "contact+surface": level B with the exchange in the middle of the step, where contact
+  /// opens and closes: the free velocity is v^{n−1/2} + Δt a^n, and the link force acts as v ← v + Δt M⁻¹f
+  /// before the positions move. With "+surface" the participant is shown its partner's wet surface before
+  /// each MESH and MESH_UPDATE.
   std::string scheme = "gc";
   std::vector<std::string> interfaces;
 };
 
 inline constexpr const char* staggered_scheme = "staggered"; ///< Setup::scheme of a participant at level A
+inline constexpr const char* contact_scheme = "contact"; ///< … at level B, exchange in the middle of the step
+inline constexpr const char* contact_surface_scheme =
+    "contact+surface"; ///< … that also needs the partner's surface
 
 /// Answer to the request for kinematics.
 struct Kinematics

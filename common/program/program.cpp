@@ -49,7 +49,8 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
                             .solver = "undine " + role + " " UNDINE_VERSION,
                             .dim = run.dim,
                             .case_hash = file.hash(),
-                            .partners = partners},
+                            .partners = partners,
+                            .capabilities = link::capability::link | link::capability::contact},
                            {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
   int ranks = 1;
   MPI_Comm_size(world.comm(), &ranks);

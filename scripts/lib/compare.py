@@ -18,8 +18,10 @@ REFERENCE_KEYS = {
     "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
                                     "period_of_minima: relative difference of the mean time between minima; "
                                     "final_value: relative difference of the last values; "
+                                    "peak, peak_time: largest value of our curve and its time, which must lie in `band`; "
                                     "shown: only drawn, for curves that are no truth for this model"),
     "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
+    "band": ("2 numbers", "none", "smallest and largest acceptable peak or peak_time; the error is the distance to it over its middle"),
     "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
     "label": ("text", "the value's name", "name in the legend of the plot"),
     "add": ("tables", "none", "terms added to the reference, each with file, time, value and optionally factor and when"),
@@ -44,6 +46,8 @@ def check_references(case, settings):
                 stop(k, f"missing key '{key}'")
         if reference["measure"] not in MEASURES:
             stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}")
+        if reference["measure"].startswith("peak") and len(reference.get("band", [])) != 2:
+            stop(k, f"measure = \"{reference['measure']}\" needs band = [smallest, largest]")
         for table in [reference, *reference.get("add", [])]:
             if not (case.parent / table["file"]).is_file():
                 stop(k, f"file = \"{table['file']}\": there is no such file beside the case")
@@ -127,10 +131,10 @@ def period(t, y):
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
 
 
-MEASURES = ("relative_L2", "period_of_minima", "final_value", "shown")
+MEASURES = ("relative_L2", "period_of_minima", "final_value", "peak", "peak_time", "shown")
 
 
-def measure(kind, t, y, t_ref, y_ref):
+def measure(kind, t, y, t_ref, y_ref, band=None):
     """(value, reference value, error) of one comparison."""
     end = min(t[-1], t_ref[-1])
     if kind == "relative_L2":
@@ -147,6 +151,10 @@ def measure(kind, t, y, t_ref, y_ref):
     if kind == "final_value":
         value, target = np.interp(end, t, y), np.interp(end, t_ref, y_ref)
         return value, target, abs(value / target - 1.0)
+    if kind in ("peak", "peak_time"):
+        value, target = (c[np.argmax(v)] if kind == "peak_time" else np.max(v) for c, v in ((t, y), (t_ref, y_ref)))
+        low, high = band
+        return value, target, max(low - value, value - high, 0.0) / (0.5 * (low + high))
     raise ValueError(f"unknown measure '{kind}'; known: {', '.join(MEASURES)}")
 
 
@@ -169,7 +177,8 @@ def compare_all(case, settings, out):
     for reference in settings.get("reference", []):
         if not applies(reference, settings) or reference["measure"] == "shown":
             continue
-        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings))
+        value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings),
+                                       reference.get("band"))
         if not np.isfinite(error):  # a run that ends before its first period has none
             print(f"  {reference['name']:24s} {reference['measure']:18s} not measured: the run is too short for it")
             continue
@@ -187,5 +196,5 @@ def print_table(summary, out):
         if isinstance(value, (int, float)):
             print(f"  {key:24s} {value: .3e}")
     for c in summary["comparisons"]:
-        print(f"  {c['name']:24s} {c['measure']:18s} error {c['error']:.3e}  tolerance {c['tolerance']:.1e}  {'pass' if c['pass'] else 'FAIL'}")
+        print(f"  {c['name']:24s} {c['measure']:18s} value {c['value']:.4g}  error {c['error']:.3e}  tolerance {c['tolerance']:.1e}  {'pass' if c['pass'] else 'FAIL'}")
     print(f"output: {out}")

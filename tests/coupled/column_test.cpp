@@ -134,8 +134,8 @@ Outcome run(const Column& c)
                        out.substeps = std::max(out.substeps, r.plan.steps.m);
                        out.fine = r.plan.steps.fine;
                        out.windows = r.plan.index + 1;
-                       out.largest_gap = std::max(out.largest_gap, r.gc.balance().displacement_gap);
-                       out.operator_builds = r.interface.builds();
+                       out.largest_gap = std::max(out.largest_gap, r.balance.displacement_gap);
+                       out.operator_builds = r.searches;
                      });
   out.energy_change /= largest_kinetic;
   out.energy_gain /= largest_kinetic;

@@ -110,8 +110,8 @@ class BadInput(programs.SystemTest):
     def test_a_case_that_is_not_there(self):
         self.expect(self.folder / "nowhere" / "case.toml", [f"{self.folder}/nowhere/case.toml"], code=4)
 
-    def test_separation_is_refused_by_this_release(self):
-        self.expect_change("separation = false", "separation = true", ["interface[0].separation = true", "write separation = false"], "true")
+    def test_separation_needs_the_whole_boundary(self):
+        self.expect_change("separation = false", "separation = true", ["interface[0].fluid", 'write fluid = "boundary"'], '"bottom"', place='fluid = "bottom"')
 
 
 class Check(programs.SystemTest):

@@ -1,0 +1,252 @@
+// Contact that opens and closes: momentum, complementarity, inelastic landing, free flight.
+#include "coupler/contact.hpp"
+
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+using namespace undine;
+using namespace undine::coupler;
+
+namespace
+{
+
+/// n nodes on a line (2-D) or n × n on a square (3-D) of unit size at height y(x), faces upwards or none;
+/// mass m per node.
+template <int dim>
+link::SurfaceMesh sheet(int n, const std::function<double(double)>& y, double m, bool faces)
+{
+  link::SurfaceMesh s;
+  s.dim = dim;
+  s.interfaces = {"wet"};
+  const int rows = dim == 3 ? n : 1;
+  for (int j = 0; j < rows; ++j)
+    for (int i = 0; i < n; ++i)
+    {
+      s.node_id.push_back(j * n + i);
+      const double x = static_cast<double>(i) / (n - 1);
+      s.x.push_back(x);
+      s.x.push_back(y(x));
+      if (dim == 3)
+        s.x.push_back(static_cast<double>(j) / (n - 1));
+      for (int a = 0; a < dim; ++a)
+        for (int b = 0; b < dim; ++b)
+          s.inverse_mass.push_back(a == b ? 1.0 / m : 0.0);
+    }
+  if (faces)
+    for (int j = 0; j + 1 < std::max(2, rows); ++j)
+      for (int i = 0; i + 1 < n; ++i)
+      {
+        if (dim == 2) // the body is below: on the left when walked from right to left
+          s.face_nodes.insert(s.face_nodes.end(), {i + 1, i});
+        else
+          s.face_nodes.insert(s.face_nodes.end(),
+                              {j * n + i, (j + 1) * n + i, (j + 1) * n + i + 1, j * n + i + 1});
+        s.face_offset.push_back(static_cast<std::int32_t>(s.face_nodes.size()));
+        s.face_interface.push_back(0);
+      }
+  return s;
+}
+
+template <int dim>
+Vec<3> sum_of(const std::vector<double>& f)
+{
+  Vec<3> sum{};
+  for (std::size_t k = 0; k < f.size(); ++k)
+    sum[static_cast<int>(k % dim)] += f[k];
+  return sum;
+}
+
+/// Σ x × f.
+template <int dim>
+Vec<3> moment(const std::vector<double>& x, const std::vector<double>& f)
+{
+  Vec<3> sum{};
+  for (std::size_t k = 0; k < f.size(); k += dim)
+  {
+    Vec<3> p{}, q{};
+    for (std::size_t i = 0; i < dim; ++i)
+    {
+      p[static_cast<int>(i)] = x[k + i];
+      q[static_cast<int>(i)] = f[k + i];
+    }
+    sum += cross(p, q);
+  }
+  return sum;
+}
+
+} // namespace
+
+TEMPLATE_TEST_CASE_SIG(
+    "Nodes that would cross the surface end the step on it; impulses and their moments cancel", "",
+    ((int dim), dim), 2, 3)
+{
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> jitter(-1.0, 1.0);
+  // Light and heavy solids; the water's nodes do not match the solid's.
+  for (const double solid_mass : {1e-3, 1.0, 1e3})
+  {
+    const auto solid = sheet<dim>(
+        7, [](double x) { return 0.1 * std::sin(3.0 * x); }, solid_mass, true);
+    auto fluid = sheet<dim>(
+        10, [](double x) { return 0.1 * std::sin(3.0 * x) + 0.0012; }, 0.7, false);
+    for (std::size_t k = 0; k < fluid.x.size(); ++k)
+      fluid.x[k] += 0.0003 * jitter(random) + (k % dim == 1 ? 0.0 : 0.002 * (0.5 - fluid.x[k]));
+    UnilateralContact<dim> contact(fluid, solid);
+    const double dt = 0.001;
+    std::array<std::vector<double>, 2> v, f;
+    v[Side::fluid].resize(fluid.x.size());
+    v[Side::solid].resize(solid.x.size());
+    for (std::size_t k = 0; k < v[Side::fluid].size(); ++k)
+      v[Side::fluid][k] = 0.3 * jitter(random) - (k % dim == 1 ? 2.0 : 0.0);
+    for (double& w : v[Side::solid])
+      w = 0.1 * jitter(random);
+    contact.advance(dt, v, f);
+
+    CHECK(contact.report().touching > 3);
+    const double largest = *std::max_element(f[Side::fluid].begin(), f[Side::fluid].end());
+    CHECK(norm(sum_of<dim>(f[0]) + sum_of<dim>(f[1])) <= 1e-12 * largest * contact.report().touching);
+    // The pair of forces acts at one point at the step's end: positions there, gap closed to round-off.
+    std::array<std::vector<double>, 2> x_end;
+    for (const Side s : both_sides)
+    {
+      const auto& mesh = s == Side::fluid ? fluid : solid;
+      x_end[s] = mesh.x;
+      for (std::size_t k = 0; k < x_end[s].size(); ++k)
+        x_end[s][k] += dt * (v[s][k] + dt * mesh.inverse_mass[0] * f[s][k]);
+    }
+    // Normals are those of the trial surface; the surface turns a little more by the impulses: second order
+    // in the motion of the step, (2 m/s · 0.001 s)² over a face of 1/6 m.
+    const double turned = 5e-5;
+    CHECK(norm(moment<dim>(x_end[0], f[0]) + moment<dim>(x_end[1], f[1])) <=
+          turned * largest * contact.report().touching);
+    auto after = contact.solid_now();
+    for (std::size_t k = 0; k < after.x.size(); ++k)
+      CHECK(after.x[k] == Approx(x_end[Side::solid][k]).margin(1e-13));
+    FacetSurface<dim> surface(
+        [&]
+        {
+          std::vector<Vec<dim>> points(after.x.size() / dim);
+          for (std::size_t k = 0; k < after.x.size(); ++k)
+            points[k / dim][static_cast<int>(k % dim)] = after.x[k];
+          return points;
+        }(),
+        after.face_offset, after.face_nodes);
+    for (std::size_t n = 0; n < x_end[Side::fluid].size() / dim; ++n)
+    {
+      Vec<dim> p;
+      for (int i = 0; i < dim; ++i)
+        p[i] = x_end[Side::fluid][n * dim + static_cast<std::size_t>(i)];
+      const auto near = surface.nearest(p, 1.0);
+      if (!near.beside)
+        CHECK(near.gap > -turned);
+    }
+  }
+}
+
+TEST_CASE("A node that leaves is not held, and a solid far from the water is left alone")
+{
+  const auto solid = sheet<2>(
+      5, [](double) { return 0.0; }, 1.0, true);
+  const auto fluid = sheet<2>(
+      5, [](double) { return 0.0; }, 1.0, false);
+  UnilateralContact<2> contact(fluid, solid);
+  std::array<std::vector<double>, 2> v{std::vector<double>(10, 0.0), std::vector<double>(10, 0.0)}, f;
+  for (std::size_t n = 0; n < 5; ++n)
+    v[Side::fluid][2 * n + 1] = 1.0; // upwards, away
+  contact.advance(0.01, v, f);
+  CHECK(contact.report().touching == 0);
+  CHECK(std::all_of(f[0].begin(), f[0].end(), [](double x) { return x == 0.0; }));
+
+  const auto high = sheet<2>(
+      5, [](double) { return 10.0; }, 1.0, false);
+  UnilateralContact<2> apart(high, solid);
+  for (int step = 0; step < 20; ++step)
+    apart.advance(0.01, v, f);
+  CHECK(apart.report().solves == 0);
+}
+
+TEST_CASE(
+    "Landing is inelastic: common velocity, momentum kept, the loss is that of a perfectly plastic impact")
+{
+  // One node of mass m on the middle of one segment with end masses M: effective mass of the segment at its
+  // middle 2M (weights ½, ½: 1/(½²/M + ½²/M)).
+  const double m = 0.3, M = 0.8, u = -1.7, dt = 1e-3;
+  const auto solid = sheet<2>(
+      2, [](double) { return 0.0; }, M, true);
+  auto fluid = sheet<2>(
+      2, [](double) { return 1e-9; }, m, false);
+  fluid.x = {0.5, 1e-12, 0.5, 5.0};
+  UnilateralContact<2> contact(fluid, solid);
+  std::array<std::vector<double>, 2> v{std::vector<double>{0.0, u, 0.0, 0.0}, std::vector<double>(4, 0.0)}, f;
+  contact.advance(dt, v, f);
+  const double common = m * u / (m + 2.0 * M);
+  CHECK(u + dt * f[Side::fluid][1] / m ==
+        Approx(common).epsilon(1e-8)); // the gap of 1e-12 over the step is 1e-9 m/s
+  CHECK(dt * f[Side::solid][1] / M == Approx(common).epsilon(1e-8));
+  CHECK(dt * f[Side::solid][3] / M == Approx(common).epsilon(1e-8));
+}
+
+TEST_CASE("Sustained contact does no work and makes no gap: a node slides down a tilted free-falling plate "
+          "for 1000 steps")
+{
+  const auto slope = [](double x) { return -0.5 * x; };
+  const auto solid = sheet<2>(4, slope, 1e9, true); // as good as fixed
+  auto fluid = sheet<2>(2, slope, 1.0, false);
+  fluid.x = {0.05, slope(0.05), 0.9, 50.0};
+  UnilateralContact<2> contact(fluid, solid);
+  const double dt = 1e-4, g = 9.81, angle = std::atan(0.5);
+  std::array<std::vector<double>, 2> v{std::vector<double>(4, 0.0), std::vector<double>(8, 0.0)}, f;
+  double x = 0.05, y = slope(x), vx = 0.0, vy = 0.0;
+  for (int step = 0; step < 1000; ++step)
+  {
+    vy -= g * (step == 0 ? 0.5 : 1.0) * dt; // leap-frog from rest
+    v[Side::fluid] = {vx, vy, 0.0, 0.0};
+    contact.advance(dt, v, f);
+    vx += dt * f[Side::fluid][0];
+    vy += dt * f[Side::fluid][1];
+    x += dt * vx;
+    y += dt * vy;
+    REQUIRE(std::abs(y - slope(x)) < 1e-12);
+  }
+  // Uniform acceleration g sin(angle) along the slope; leap-frog is exact for it.
+  const double t = 1000 * dt, s = 0.5 * g * std::sin(angle) * t * t;
+  CHECK(x - 0.05 == Approx(s * std::cos(angle)).epsilon(1e-9));
+}
+
+TEST_CASE("The impulses solve the complementarity problem of many rows on a light solid")
+{
+  const auto solid = sheet<2>(
+      11, [](double) { return 0.0; }, 0.01, true);
+  const auto fluid = sheet<2>(
+      26, [](double) { return 0.0; }, 1.0, false);
+  UnilateralContact<2> contact(fluid, solid);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  std::array<std::vector<double>, 2> v{std::vector<double>(52), std::vector<double>(22)}, f;
+  for (const Side s : both_sides)
+    for (double& w : v[s])
+      w = any(random);
+  for (std::size_t k = 0; k < v[0].size(); k += 2)
+    v[0][k] = 0.0;
+  for (std::size_t k = 0; k < v[1].size(); k += 2)
+    v[1][k] = 0.0;
+  const double dt = 1e-9; // the surface stays flat and the normals vertical
+  contact.advance(dt, v, f);
+  for (std::size_t n = 0; n < 26; ++n)
+  {
+    // Position of the node in the segments of length 0.1.
+    const double x = static_cast<double>(n) / 25.0, s = std::min(x * 10.0, 10.0 - 1e-12);
+    const auto a = static_cast<std::size_t>(s);
+    const double w = s - static_cast<double>(a);
+    const auto v_solid = [&](std::size_t c) { return v[1][2 * c + 1] + dt * f[1][2 * c + 1] / 0.01; };
+    const double relative = v[0][2 * n + 1] + dt * f[0][2 * n + 1] - (1.0 - w) * v_solid(a) -
+                            w * v_solid(std::min<std::size_t>(a + 1, 10));
+    const double impulse = dt * f[0][2 * n + 1];
+    CHECK(impulse >= 0.0);
+    CHECK(relative >= -1e-4);          // the residual gap of 1e-12 reach over dt = 1e-9 s
+    CHECK(impulse * relative <= 1e-4); // complementary
+  }
+}
