@@ -81,7 +81,8 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
     for (std::size_t c = 0; c <= dim; ++c)
       grad_v += outer(e.v[c], S[c]);
     grad_v *= inverse_V;
-    const Mat<dim, Real> tau = deviatoric_stress<dim, Real>(grad_v, k.mu);
+    const Mat<dim, Real> tau = deviatoric_stress<dim, Real>(grad_v, k.mu) *
+                               viscous_fraction<dim, Real>(V, max(S_squared, Real(1e-300)));
     for (std::size_t c = 0; c <= dim; ++c)
       add.F[c] -= tau * S[c];
     add.dissipation += contract(tau, grad_v) * V;
