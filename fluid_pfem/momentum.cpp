@@ -59,7 +59,7 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
   for (std::size_t c = 1; c <= dim; ++c)
     S_squared += norm_squared(S[c]);
   const Real V = dot(S[0], e.x[0] - e.x[1]);
-  const Real per_S = Real(1.0) / sqrt(max(S_squared, Real(1e-300)));
+  const Real per_S = Real(1.0) / sqrt(max(S_squared, Real(1e-100)));
   if constexpr (bulk)
   {
     Real D = dot(S[0], e.v[0]);
@@ -82,7 +82,7 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
       grad_v += outer(e.v[c], S[c]);
     grad_v *= inverse_V;
     const Mat<dim, Real> tau = deviatoric_stress<dim, Real>(grad_v, k.mu) *
-                               viscous_fraction<dim, Real>(V, max(S_squared, Real(1e-300)));
+                               viscous_fraction<dim, Real>(V, max(S_squared, Real(1e-100)));
     for (std::size_t c = 0; c <= dim; ++c)
       add.F[c] -= tau * S[c];
     add.dissipation += contract(tau, grad_v) * V;
