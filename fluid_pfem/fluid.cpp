@@ -5,7 +5,6 @@
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
-#include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 
@@ -199,7 +198,6 @@ void Fluid<dim>::predict_position(double dt)
 template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
-  update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
   check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(),
                                                nodes_, begin, end));
   if (config_.least_pressure > -1e299)
@@ -238,6 +236,8 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
+  std::fill(nodes_.V.begin(), nodes_.V.end(), 0.0);
+  add_element_volumes<dim>(mesh_, 0, e_layer_, nodes_);
   if (n_wet_ == 0)
     return;
   update_state(0, n_layer_);
@@ -257,6 +257,7 @@ template <int dim>
 void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   const index_t n_nodes = nodes_.size();
+  add_element_volumes<dim>(mesh_, e_layer_, mesh_.n_elements(), nodes_);
   update_state(n_layer_, n_nodes);
   record_nodes<dim>(nodes_, config_.terms, n_layer_, n_nodes, sums_);
   add_element_forces(dt, e_wet_, mesh_.n_elements());
@@ -376,7 +377,8 @@ template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
   return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
-                                                              config_.inertia_floor * regular_mass());
+                                                              config_.inertia_floor * regular_mass(),
+                                                              workspace_);
 }
 
 template <int dim>
@@ -441,7 +443,7 @@ void Fluid<dim>::remesh()
     return;
   }
   const double before = energy().total();
-  const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
+  const std::vector<Vec<dim>> old_x = nodes_.x;
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {
@@ -459,7 +461,8 @@ void Fluid<dim>::remesh()
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
+                                              config_.element_size, config_.remesh.shape);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
     release_mass(choice);
@@ -524,7 +527,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 
   const double least_volume = config_.inertia_floor * regular_mass() / config_.tait.rho0;
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
-  update_nodal_volumes<dim>(mesh_, nodes_, 0, n_nodes);
+  update_nodal_volumes<dim>(mesh_, nodes_);
   for (index_t n = 0; n < n_nodes; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
@@ -541,9 +544,15 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   sums_.reset(n_nodes);
-  e_wet_ = 0;
-  while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
-    ++e_wet_; // elements are sorted by their smallest node
+  // Elements are sorted by their smallest node.
+  const auto elements_below = [this](index_t n)
+  {
+    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
+                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
+                                mesh_.elements.begin());
+  };
+  e_wet_ = elements_below(n_wet_);
+  e_layer_ = elements_below(n_layer_);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v;

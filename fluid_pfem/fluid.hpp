@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid_config.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
@@ -162,10 +163,12 @@ private:
   FluidMesh<dim> mesh_;
   MovingDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
+  mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
   index_t n_wet_ = 0;                ///< nodes on an interface
   index_t n_layer_ = 0;              ///< wet nodes and their neighbours
   index_t e_wet_ = 0;                ///< elements that touch wet nodes
+  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
   std::vector<index_t> constrained_; ///< nodes on walls of the box
   std::vector<double> f_link_;       ///< last link force, n_wet × dim
   std::vector<float> quality_;       ///< of each element at the last remesh

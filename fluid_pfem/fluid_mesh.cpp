@@ -110,8 +110,18 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   FluidMesh<dim> mesh;
   for (auto& e : elements)
     e = canonical<dim>(e);
-  std::sort(elements.begin(), elements.end());
-  mesh.elements = std::move(elements);
+  // Sorted by the first corner with a count, then the few that share it.
+  std::vector<index_t> begin(static_cast<std::size_t>(n_nodes) + 1, 0);
+  for (const auto& e : elements)
+    ++begin[static_cast<std::size_t>(e[0]) + 1];
+  for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
+    begin[n + 1] += begin[n];
+  mesh.elements.resize(elements.size());
+  std::vector<index_t> next(begin.begin(), begin.end() - 1);
+  for (const auto& e : elements)
+    mesh.elements[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0])]++)] = e;
+  for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
+    std::sort(mesh.elements.begin() + begin[n], mesh.elements.begin() + begin[n + 1]);
 
   mesh.fan_begin.assign(static_cast<std::size_t>(n_nodes) + 1, 0);
   for (const auto& e : mesh.elements)
@@ -120,7 +130,7 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
     mesh.fan_begin[n + 1] += mesh.fan_begin[n];
   mesh.fans.resize(mesh.elements.size() * (dim + 1));
-  std::vector<index_t> next(mesh.fan_begin.begin(), mesh.fan_begin.end() - 1);
+  next.assign(mesh.fan_begin.begin(), mesh.fan_begin.end() - 1);
 
   for (index_t e = 0; e < mesh.n_elements(); ++e)
   {
