@@ -439,6 +439,7 @@ void Fluid<dim>::remesh()
   if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
+    order_if_due(elements);
     finish_mesh(std::move(elements));
     return;
   }
@@ -463,13 +464,25 @@ void Fluid<dim>::remesh()
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
                                               config_.element_size, config_.remesh.shape);
-  const double particle_mass = mass();
-  if (config_.feedback_time > 0.0)
-    release_mass(choice);
-  delete_isolated_nodes(choice.elements);
+  // The number that each old node has come to bear; a node that was merged is where the other one is.
+  std::vector<index_t> number(old_x.size());
+  std::iota(number.begin(), number.end(), 0);
+  const auto follow = [&number](const std::vector<index_t>& new_number)
+  {
+    for (index_t& n : number)
+      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+  };
+  for (const auto& [kept, gone] : spacing.merges)
+    number[static_cast<std::size_t>(gone)] = kept;
+  follow(spacing.new_number);
+  follow(delete_isolated_nodes(choice.elements));
+  follow(order_if_due(choice.elements));
+  const std::vector<double> V_before = nodes_.V;
+  const std::vector<std::uint8_t> flag_before = nodes_.flag;
+  std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   if (config_.feedback_time > 0.0)
-    settle_mass(particle_mass);
+    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, flag_before);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -483,7 +496,9 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation()));
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation());
+  order_if_due(elements);
+  finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
 }
 
@@ -508,13 +523,6 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
-  // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
-  // must come first.
-  constexpr std::int64_t order_every = 25;
-  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
-    order_nodes(elements);
-  else
-    n_layer_ = 0;
   mesh_ = connect<dim>(nodes_.size(), std::move(elements));
   flag_nodes();
   const index_t n_nodes = nodes_.size();
@@ -612,11 +620,12 @@ void Fluid<dim>::flag_nodes()
   }
 }
 
+/// @returns the new number of each node, empty if numbers stay
 template <int dim>
-void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
 {
   if (config_.remesh.delete_isolated_after == 0)
-    return;
+    return {};
   std::vector<char> used(nodes_.x.size(), 0);
   for (const auto& e : elements)
     for (const index_t n : e)
@@ -633,7 +642,7 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
       ledger_.deleted_mass += nodes_.M[n];
     }
   if (kept == nodes_.size())
-    return;
+    return {};
   delaunay_.renumber(new_number);
   nodes_.for_each_field(
       [&](const char*, auto& field)
@@ -646,44 +655,122 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
+  return new_number;
 }
 
-/// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet
-/// fluid leaves no defect. Only volume that was created or dropped by decision is a defect M − m. Before the
-/// new m are known, M is taken down to the defect …
+/// Elements that the old or the new mesh has alone, or that have been deformed by the remesh.
+/// @param number present number of each old node, −1: deleted
 template <int dim>
-void Fluid<dim>::release_mass(const ShapeChoice<dim>& choice)
+std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>> old,
+                                                       std::span<const Vec<dim>> old_x,
+                                                       std::span<const index_t> number) const
 {
-  std::vector<char> used(nodes_.x.size(), 0);
-  for (const auto& e : choice.elements)
-    for (const index_t n : e)
-      used[static_cast<std::size_t>(n)] = 1;
-  for (std::size_t n = 0; n < used.size(); ++n)
-    if (used[n])
-      nodes_.M[n] -= nodes_.m[n] + nodes_.rho[n] * choice.gained[n];
+  std::vector<char> moved(nodes_.x.size(), 0);
+  for (std::size_t n = 0; n < number.size(); ++n)
+    if (number[n] >= 0 && nodes_.x[static_cast<std::size_t>(number[n])] != old_x[n])
+      moved[static_cast<std::size_t>(number[n])] = 1;
+  for (auto& e : old)
+    for (index_t& n : e)
+      n = number[static_cast<std::size_t>(n)];
+  old = sorted_elements<dim>(nodes_.size(), std::move(old));
+  std::vector<Simplex<dim>> changed;
+  const auto& now = mesh_.elements;
+  for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
+    if (k == now.size() || (o < old.size() && old[o] < now[k]))
+      changed.push_back(old[o++]);
+    else if (o == old.size() || now[k] < old[o])
+      changed.push_back(now[k++]);
+    else
+    {
+      if (std::any_of(now[k].begin(), now[k].end(),
+                      [&](index_t n) { return moved[static_cast<std::size_t>(n)]; }))
+        changed.push_back(now[k]);
+      ++o;
+      ++k;
+    }
+  return changed;
 }
 
-/// … and afterwards built up from the new m. What the centroid rule has misjudged is settled on the free
-/// surface, so that ΣM is exact.
+/// New connectivity hands volume from node to node; particle mass and momentum go with it, so that a remesh
+/// of quiet fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers
+/// lose goes to its gainers, with the losers' mean velocity: mass and momentum of a patch stay, its kinetic
+/// energy does not grow. Only volume that the patch as a whole gained or lost is a defect: that was created
+/// or dropped by decision. A node that flies or flew keeps its mass.
+/// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
+/// @param V_before, flag_before of each node before the remesh; V [m^dim]
 template <int dim>
-void Fluid<dim>::settle_mass(double particle_mass)
+void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+                                std::span<const std::uint8_t> flag_before)
 {
-  double surface_mass = 0.0;
-  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+  const auto n_nodes = static_cast<std::size_t>(nodes_.size());
+  std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
+  const auto leader_of = [&](index_t n)
   {
-    if (!(nodes_.flag[n] & isolated_node))
-      nodes_.M[n] += nodes_.m[n];
-    if (nodes_.flag[n] & on_free_surface)
-      surface_mass += nodes_.m[n];
+    for (index_t up; (up = leader[static_cast<std::size_t>(n)]) != n; n = up)
+      leader[static_cast<std::size_t>(n)] = leader[static_cast<std::size_t>(up)];
+    return n;
+  };
+  for (const auto& e : changed)
+  {
+    index_t first = -1;
+    for (const index_t n : e)
+      if (n >= 0)
+      {
+        if (leader[static_cast<std::size_t>(n)] < 0)
+          leader[static_cast<std::size_t>(n)] = n;
+        const index_t root = leader_of(n);
+        if (first >= 0) // the smaller number leads, so that the order does not matter
+          leader[static_cast<std::size_t>(std::max(first, root))] = std::min(first, root);
+        first = first < 0 ? root : std::min(first, root);
+      }
   }
+
+  struct Patch
+  {
+    double gain = 0.0, loss = 0.0, mass = 0.0; ///< volumes; mass that changes hands
+    Vec<dim> momentum{};
+  };
+  std::vector<Patch> patches(n_nodes); // at its leader
+  const auto patch_of = [&](std::size_t n) -> Patch&
+  { return patches[static_cast<std::size_t>(leader_of(static_cast<index_t>(n)))]; };
+  const auto gain_of = [&](std::size_t n)
+  {
+    const bool flies = (flag_before[n] | nodes_.flag[n]) & isolated_node;
+    return leader[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
+  };
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain != 0.0)
+      (gain > 0.0 ? patch_of(n).gain : patch_of(n).loss) += std::abs(gain);
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain < 0.0)
+    {
+      Patch& p = patch_of(n);
+      const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
+      nodes_.M[n] -= given;
+      p.mass += given;
+      p.momentum += given * nodes_.v[n];
+    }
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain > 0.0)
+      if (const Patch& p = patch_of(n); p.mass > 0.0)
+        receive_mass(n, p.mass * gain / p.gain, (1.0 / p.mass) * p.momentum);
   smooth_mass_defect();
-  const double rest = particle_mass - mass();
-  for (std::size_t n = 0; n < nodes_.x.size() && surface_mass > 0.0; ++n)
-    if (nodes_.flag[n] & on_free_surface)
-      nodes_.M[n] += rest * nodes_.m[n] / surface_mass;
+  for (const index_t n : constrained_)
+    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 }
 
-/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
+/// M grows by `mass` of velocity v: momentum is conserved, kinetic energy can only fall. The coupler knows
+/// the velocity of wet nodes, it stays.
+template <int dim>
+void Fluid<dim>::receive_mass(std::size_t n, double mass, const Vec<dim>& v)
+{
+  nodes_.M[n] += mass;
+  if (static_cast<index_t>(n) >= n_wet_ && nodes_.M[n] > mass)
+    nodes_.v[n] += (mass / nodes_.M[n]) * (v - nodes_.v[n]);
+}
+
+/// Spread M − m over neighbours, conserving ΣM and ΣMv: the feedback then acts on the smooth part and makes
+/// no noise.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect()
 {
@@ -699,8 +786,9 @@ void Fluid<dim>::smooth_mass_defect()
           // A small node must not be emptied.
           const double flux =
               std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
-          nodes_.M[i] -= flux;
-          nodes_.M[j] += flux;
+          const std::size_t from = flux > 0.0 ? i : j, to = flux > 0.0 ? j : i;
+          nodes_.M[from] -= std::abs(flux);
+          receive_mass(to, std::abs(flux), nodes_.v[from]);
         }
 }
 
@@ -721,8 +809,9 @@ void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 
 /// Wet nodes first, then their neighbours, then the rest; inside each group along the box diagonal's sweep
 /// (by rows of one spacing).
+/// @returns the new number of each node
 template <int dim>
-void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   std::vector<char> used(n_nodes, 0);
@@ -774,6 +863,19 @@ void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_of_old[static_cast<std::size_t>(n)];
+  return new_of_old;
+}
+
+/// Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
+/// must come first.
+template <int dim>
+std::vector<index_t> Fluid<dim>::order_if_due(std::vector<Simplex<dim>>& elements)
+{
+  constexpr std::int64_t order_every = 25;
+  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
+    return order_nodes(elements);
+  n_layer_ = 0;
+  return {};
 }
 
 // ------------------------------------------------------------------------------------------------ what

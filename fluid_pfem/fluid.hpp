@@ -134,11 +134,15 @@ private:
   void triangulate();
   std::vector<Simplex<dim>> triangulation();
   void finish_mesh(std::vector<Simplex<dim>> elements);
-  void order_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> order_if_due(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
-  void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
-  void release_mass(const ShapeChoice<dim>& choice);
-  void settle_mass(double particle_mass);
+  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
+                                             std::span<const index_t> number) const;
+  void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+                      std::span<const std::uint8_t> flag_before);
+  void receive_mass(std::size_t n, double mass, const Vec<dim>& v);
   void smooth_mass_defect();
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;

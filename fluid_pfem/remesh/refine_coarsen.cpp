@@ -149,6 +149,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
     nodes.M[k] += nodes.M[l];
     nodes.m[k] += nodes.m[l];
+    nodes.V[k] += nodes.V[l];
     nodes.flag[k] = static_cast<std::uint8_t>(nodes.flag[k] | nodes.flag[l]);
     ++report.merged;
     report.merges.push_back({static_cast<index_t>(k), static_cast<index_t>(l)});
@@ -181,7 +182,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.inertia.push_back(M);
     nodes.rho.push_back(mean(nodes.rho[k], nodes.rho[l]));
     nodes.p.push_back(mean(nodes.p[k], nodes.p[l]));
-    nodes.V.push_back(0.0);
+    nodes.V.push_back((nodes.V[k] + nodes.V[l]) / 3.0);
     nodes.h.push_back(mean(nodes.h[k], nodes.h[l]));
     nodes.surface.push_back(shared_surface);
     nodes.id.push_back(next_id++);
@@ -193,6 +194,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     {
       nodes.M[parent] *= 2.0 / 3.0;
       nodes.m[parent] *= 2.0 / 3.0;
+      nodes.V[parent] *= 2.0 / 3.0;
     }
     ++report.split;
     report.splits.push_back({edge.i, edge.j, nodes.size() - 1});
