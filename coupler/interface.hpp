@@ -50,6 +50,7 @@ public:
   /// Operator of the present surfaces.
   InterfaceOperator build();
 
+  const link::SurfaceMesh& surface(Side side) const { return surface_[side]; }
   const std::vector<InterfaceReport>& report() const { return report_; }
   std::int64_t builds() const { return builds_; }
 

@@ -66,7 +66,7 @@ void start(Launch& launch)
 
   const coupler::CouplerConfig config{
       .run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
-  coupler::CouplerOutput output(launch.output, config);
+  coupler::CouplerOutput output(launch.output, config, launch.probes);
   try
   {
     const auto run = launch.coupling.has_contact()    ? coupler::run_contact

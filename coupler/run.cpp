@@ -120,7 +120,8 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
   std::int64_t frames = 1, windows = 0;
   WindowPlanner::Plan plan{.t_begin = config.run.t_begin, .t_end = config.run.t_begin};
   after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                interface.builds(), gc.factorisations()});
+                interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                gc.factorisations()});
 
   while (!planner.finished())
   {
@@ -146,7 +147,8 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
     for (const Side s : both_sides)
       report[s] = partner[s]->receive_report();
     after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                  interface.builds(), gc.factorisations()});
+                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                  gc.factorisations()});
 
     start_compatibly = renew_operator(interface, gc, partner, report);
     if (fluid.stop_requested() || solid.stop_requested())

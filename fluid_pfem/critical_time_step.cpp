@@ -107,10 +107,9 @@ private:
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity, double least_mass, StepWorkspace& workspace)
+                          const ElementTermsConfig& viscosity, double floor, StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
-  const double least_volume = least_mass / tait.rho0;
   // Column sums times the stiffness of their node.
   std::vector<double>& stiffness = workspace.stiffness;
   stiffness.resize(static_cast<std::size_t>(n_nodes));
@@ -120,7 +119,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     const auto k = static_cast<std::size_t>(i);
     double sum = 0.0;
     row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
-    stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) / std::max(nodes.V[k], least_volume);
+    stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
+                   std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
   }
   double omega_squared = 0.0;
   for (index_t i = 0; i < n_nodes; ++i)

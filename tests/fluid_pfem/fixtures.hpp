@@ -1,9 +1,10 @@
 // Small boxes of fluid.
 #pragma once
 
-#include "fluid_pfem/fluid_config.hpp"
+#include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/momentum.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace undine::test
@@ -33,7 +34,7 @@ void pressure_acceleration(const fluid::FluidMesh<dim>& mesh, fluid::FluidNodes<
 }
 
 /// The `hydraulic` preset of the case file on a plane box.
-inline fluid::FluidConfig hydraulic_config(double spacing, double sound_speed)
+inline fluid::FluidConfig hydraulic(double spacing, double sound_speed)
 {
   fluid::FluidConfig config = box_config<2>(spacing);
   config.tait.B = 1000.0 * sound_speed * sound_speed / 7.0;
@@ -45,7 +46,7 @@ inline fluid::FluidConfig hydraulic_config(double spacing, double sound_speed)
   return config;
 }
 
-/// An open tank that the fluid meets by sliding contact.
+/// A tank with walls 20 m high.
 inline fluid::WallGeometry tank(double width)
 {
   fluid::WallGeometry wall;
@@ -58,11 +59,21 @@ inline fluid::WallGeometry tank(double width)
 inline fluid::FluidConfig dam_break_config(double spacing)
 {
   const double a = 0.146, g = 9.81;
-  fluid::FluidConfig config = hydraulic_config(spacing, 10.0 * std::sqrt(g * 2.0 * a));
+  fluid::FluidConfig config = hydraulic(spacing, 10.0 * std::sqrt(g * 2.0 * a));
   config.size = {a, 2.0 * a, 0.0};
   config.gravity = {0.0, -g, 0.0};
   config.contact_walls = {tank(4.0 * a)};
   return config;
+}
+
+/// Largest x of the nodes in elements.
+inline double front_of(const fluid::Fluid<2>& fluid)
+{
+  double front = -1e300;
+  for (std::size_t n = 0; n < fluid.nodes().x.size(); ++n)
+    if (!(fluid.nodes().flag[n] & fluid::isolated_node))
+      front = std::max(front, fluid.nodes().x[n][0]);
+  return front;
 }
 
 } // namespace undine::test

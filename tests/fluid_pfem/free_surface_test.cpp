@@ -12,12 +12,12 @@
 using namespace undine;
 using namespace undine::fluid;
 using undine::test::dam_break_config;
+using undine::test::front_of;
+using undine::test::hydraulic;
 using undine::test::tank;
 
 namespace
 {
-
-constexpr auto hydraulic = undine::test::hydraulic_config;
 
 struct Series
 {
@@ -41,15 +41,6 @@ struct Series
     return (crossing.back() - crossing.front()) / static_cast<double>(crossing.size() - 1);
   }
 };
-
-double front_of(const Fluid<2>& fluid)
-{
-  double front = -1e300;
-  for (std::size_t n = 0; n < fluid.nodes().x.size(); ++n)
-    if (!(fluid.nodes().flag[n] & isolated_node))
-      front = std::max(front, fluid.nodes().x[n][0]);
-  return front;
-}
 
 double standing_wave_period_error(int n)
 {
