@@ -501,10 +501,14 @@ void Fluid<dim>::remesh()
   follow(order_if_due(choice.elements));
   const std::vector<double> V_before = nodes_.V;
   const std::vector<std::uint8_t> flag_before = nodes_.flag;
+  // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
+  std::vector<Vec<dim>> v_half = nodes_.v;
+  for (std::size_t n = 0; n < v_half.size(); ++n)
+    v_half[n] -= 0.5 * dt_before_ * nodes_.a[n];
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   if (config_.feedback_time > 0.0)
-    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, flag_before);
+    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, flag_before, v_half);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -797,10 +801,16 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   for (std::size_t n = 0; n < number.size(); ++n)
     if (number[n] >= 0 && nodes_.x[static_cast<std::size_t>(number[n])] != old_x[n])
       moved[static_cast<std::size_t>(number[n])] = 1;
-  for (auto& e : old)
-    for (index_t& n : e)
-      n = number[static_cast<std::size_t>(n)];
-  old = sorted_elements<dim>(nodes_.size(), std::move(old));
+  bool same_numbers = true;
+  for (std::size_t n = 0; n < number.size(); ++n)
+    same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
+  if (!same_numbers)
+  {
+    for (auto& e : old)
+      for (index_t& n : e)
+        n = number[static_cast<std::size_t>(n)];
+    old = sorted_elements<dim>(nodes_.size(), std::move(old));
+  }
   std::vector<Simplex<dim>> changed;
   const auto& now = mesh_.elements;
   for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
@@ -826,9 +836,10 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
 /// or dropped by decision. A node that flies or flew keeps its mass.
 /// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
 /// @param V_before, flag_before of each node before the remesh; V [m^dim]
+/// @param v_half velocity of the half step, whose momentum it is [m/s]
 template <int dim>
 void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                                std::span<const std::uint8_t> flag_before)
+                                std::span<const std::uint8_t> flag_before, std::span<Vec<dim>> v_half)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
@@ -876,13 +887,13 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
       const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
       nodes_.M[n] -= given;
       p.mass += given;
-      p.momentum += given * nodes_.v[n];
+      p.momentum += given * v_half[n];
     }
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (const double gain = gain_of(n); gain > 0.0)
       if (const Patch& p = patch_of(n); p.mass > 0.0)
-        receive_mass(n, p.mass * gain / p.gain, (1.0 / p.mass) * p.momentum);
-  smooth_mass_defect();
+        receive_mass(n, p.mass * gain / p.gain, (1.0 / p.mass) * p.momentum, v_half);
+  smooth_mass_defect(v_half);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 }
@@ -890,17 +901,20 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
 /// M grows by `mass` of velocity v: momentum is conserved, kinetic energy can only fall. The coupler knows
 /// the velocity of wet nodes, it stays.
 template <int dim>
-void Fluid<dim>::receive_mass(std::size_t n, double mass, const Vec<dim>& v)
+void Fluid<dim>::receive_mass(std::size_t n, double mass, const Vec<dim>& v, std::span<Vec<dim>> v_half)
 {
   nodes_.M[n] += mass;
-  if (static_cast<index_t>(n) >= n_wet_ && nodes_.M[n] > mass)
-    nodes_.v[n] += (mass / nodes_.M[n]) * (v - nodes_.v[n]);
+  if (static_cast<index_t>(n) < n_wet_ || !(nodes_.M[n] > mass))
+    return;
+  const Vec<dim> dv = (mass / nodes_.M[n]) * (v - v_half[n]);
+  v_half[n] += dv;
+  nodes_.v[n] += dv;
 }
 
 /// Spread M − m over neighbours, conserving ΣM and ΣMv: the feedback then acts on the smooth part and makes
 /// no noise.
 template <int dim>
-void Fluid<dim>::smooth_mass_defect()
+void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
 {
   constexpr int sweeps = 5;
   constexpr double share = 0.08;
@@ -916,7 +930,7 @@ void Fluid<dim>::smooth_mass_defect()
               std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
           const std::size_t from = flux > 0.0 ? i : j, to = flux > 0.0 ? j : i;
           nodes_.M[from] -= std::abs(flux);
-          receive_mass(to, std::abs(flux), nodes_.v[from]);
+          receive_mass(to, std::abs(flux), v_half[from], v_half);
         }
 }
 

@@ -145,13 +145,13 @@ private:
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
                                              std::span<const index_t> number) const;
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                      std::span<const std::uint8_t> flag_before);
-  void receive_mass(std::size_t n, double mass, const Vec<dim>& v);
+                      std::span<const std::uint8_t> flag_before, std::span<Vec<dim>> v_half);
+  void receive_mass(std::size_t n, double mass, const Vec<dim>& v, std::span<Vec<dim>> v_half);
   std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void pass_openings();
   void find_impedance();
   void let_waves_out(double dt, bool book);
-  void smooth_mass_defect();
+  void smooth_mass_defect(std::span<Vec<dim>> v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
