@@ -182,7 +182,10 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
     auto report = report_of(energies, watch.limit(solid), solid.mass(), solid.steps());
     report.wait_seconds = link.wait_seconds() - waited;
     report.compute_seconds = seconds_now() - started - report.wait_seconds;
+    report.surface_changed = solid.wet_surface_has_changed();
     link.send_report(report);
+    if (report.surface_changed)
+      link.send_mesh_update(solid.wet_surface());
     const auto window = link.next_window();
     if (!window)
       break;
