@@ -513,7 +513,6 @@ void Fluid<dim>::remesh()
   follow(delete_isolated_nodes(choice.elements));
   follow(order_if_due(choice.elements));
   const std::vector<double> V_before = nodes_.V;
-  const std::vector<std::uint8_t> flag_before = nodes_.flag;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   std::vector<Vec<dim>> v_half = nodes_.v;
   for (std::size_t n = 0; n < v_half.size(); ++n)
@@ -521,7 +520,7 @@ void Fluid<dim>::remesh()
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   if (config_.feedback_time > 0.0)
-    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, flag_before, v_half);
+    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -814,7 +813,7 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   for (std::size_t n = 0; n < number.size(); ++n)
     if (number[n] >= 0 && nodes_.x[static_cast<std::size_t>(number[n])] != old_x[n])
       moved[static_cast<std::size_t>(number[n])] = 1;
-  bool same_numbers = true;
+  bool same_numbers = openings_.empty(); // elements of an inlet are in no order
   for (std::size_t n = 0; n < number.size(); ++n)
     same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
   if (!same_numbers)
@@ -842,17 +841,18 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   return changed;
 }
 
-/// New connectivity hands volume from node to node; particle mass and momentum go with it, so that a remesh
-/// of quiet fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers
-/// lose goes to its gainers, with the losers' mean velocity: mass and momentum of a patch stay, its kinetic
-/// energy does not grow. Only volume that the patch as a whole gained or lost is a defect: that was created
-/// or dropped by decision. A node that flies or flew keeps its mass.
+/// New connectivity hands volume from node to node; particle mass goes with it, so that a remesh of quiet
+/// fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers lose goes to
+/// its gainers. Only volume that the patch as a whole gained or lost is a defect: that was created or dropped
+/// by decision. A node that flies or flew keeps its mass. Nodes keep their velocities, which conserves
+/// momentum of a linear field, unless the kinetic energy of the patch would grow: then gainers take over as
+/// much of the losers' velocity as keeps it.
 /// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
-/// @param V_before, flag_before of each node before the remesh; V [m^dim]
-/// @param v_half velocity of the half step, whose momentum it is [m/s]
+/// @param V_before of each node before the remesh [m^dim]
+/// @param v_half velocity of the half step, whose energy it is [m/s]
 template <int dim>
 void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                                std::span<const std::uint8_t> flag_before, std::span<Vec<dim>> v_half)
+                                std::span<Vec<dim>> v_half)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
@@ -880,14 +880,16 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
   struct Patch
   {
     double gain = 0.0, loss = 0.0, mass = 0.0; ///< volumes; mass that changes hands
-    Vec<dim> momentum{};
+    Vec<dim> momentum{};                       ///< of that mass
+    double energy = 0.0;                       ///< kinetic, that the patch gains if velocities stay …
+    double linear = 0.0, square = 0.0; ///< … plus θ linear + θ² square if gainers take a part θ of the way
   };
   std::vector<Patch> patches(n_nodes); // at its leader
   const auto patch_of = [&](std::size_t n) -> Patch&
   { return patches[static_cast<std::size_t>(leader_of(static_cast<index_t>(n)))]; };
   const auto gain_of = [&](std::size_t n)
   {
-    const bool flies = (flag_before[n] | nodes_.flag[n]) & isolated_node;
+    const bool flies = V_before[n] == 0.0 || (nodes_.flag[n] & isolated_node);
     return leader[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
   };
   for (std::size_t n = 0; n < n_nodes; ++n)
@@ -901,31 +903,45 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
       nodes_.M[n] -= given;
       p.mass += given;
       p.momentum += given * v_half[n];
+      p.energy -= 0.5 * given * norm_squared(v_half[n]);
     }
+  // Change of velocity of a gainer that takes all the way: its new mass has the mean velocity of both.
+  const auto full_change = [&](std::size_t n, const Patch& p, double taken)
+  {
+    const bool free =
+        static_cast<index_t>(n) >= n_wet_ && nodes_.M[n] > taken; // the coupler knows v of wet nodes
+    return free ? (taken / nodes_.M[n]) * ((1.0 / p.mass) * p.momentum - v_half[n]) : Vec<dim>{};
+  };
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (const double gain = gain_of(n); gain > 0.0)
-      if (const Patch& p = patch_of(n); p.mass > 0.0)
-        receive_mass(n, p.mass * gain / p.gain, (1.0 / p.mass) * p.momentum, v_half);
+      if (Patch& p = patch_of(n); p.mass > 0.0)
+      {
+        const double taken = p.mass * gain / p.gain;
+        nodes_.M[n] += taken;
+        const Vec<dim> dv = full_change(n, p, taken);
+        p.energy += 0.5 * taken * norm_squared(v_half[n]);
+        p.linear += nodes_.M[n] * dot(v_half[n], dv);
+        p.square += 0.5 * nodes_.M[n] * norm_squared(dv);
+      }
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain > 0.0)
+      if (const Patch& p = patch_of(n); p.mass > 0.0 && p.energy > 0.0 && p.square > 0.0)
+      {
+        const double discriminant = p.linear * p.linear - 4.0 * p.square * p.energy;
+        const double theta = p.linear < 0.0 && discriminant > 0.0
+                                 ? std::min(1.0, 2.0 * p.energy / (std::sqrt(discriminant) - p.linear))
+                                 : 1.0;
+        const Vec<dim> dv = theta * full_change(n, p, p.mass * gain / p.gain);
+        nodes_.v[n] += dv;
+        v_half[n] += dv;
+      }
   smooth_mass_defect(v_half);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 }
 
-/// M grows by `mass` of velocity v: momentum is conserved, kinetic energy can only fall. The coupler knows
-/// the velocity of wet nodes, it stays.
-template <int dim>
-void Fluid<dim>::receive_mass(std::size_t n, double mass, const Vec<dim>& v, std::span<Vec<dim>> v_half)
-{
-  nodes_.M[n] += mass;
-  if (static_cast<index_t>(n) < n_wet_ || !(nodes_.M[n] > mass))
-    return;
-  const Vec<dim> dv = (mass / nodes_.M[n]) * (v - v_half[n]);
-  v_half[n] += dv;
-  nodes_.v[n] += dv;
-}
-
-/// Spread M − m over neighbours, conserving ΣM and ΣMv: the feedback then acts on the smooth part and makes
-/// no noise.
+/// Spread M − m over neighbours, conserving ΣM, without a gain of kinetic energy: the feedback then acts on
+/// the smooth part and makes no noise.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
 {
@@ -941,9 +957,19 @@ void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
           // A small node must not be emptied.
           const double flux =
               std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
+          nodes_.M[i] -= flux;
+          nodes_.M[j] += flux;
           const std::size_t from = flux > 0.0 ? i : j, to = flux > 0.0 ? j : i;
-          nodes_.M[from] -= std::abs(flux);
-          receive_mass(to, std::abs(flux), v_half[from], v_half);
+          const double rise = norm_squared(v_half[to]) - norm_squared(v_half[from]);
+          if (rise <= 0.0 || static_cast<index_t>(to) < n_wet_ || !(nodes_.M[to] > std::abs(flux)))
+            continue;
+          // The receiver slows down by a part of the way to the mean velocity that pays for the rise, to
+          // first order in the flux.
+          const Vec<dim> way = v_half[from] - v_half[to];
+          const double pays = -2.0 * dot(v_half[to], way);
+          const Vec<dim> dv = (std::min(1.0, rise / pays) * std::abs(flux) / nodes_.M[to]) * way;
+          v_half[to] += dv;
+          nodes_.v[to] += dv;
         }
 }
 

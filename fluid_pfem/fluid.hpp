@@ -145,8 +145,7 @@ private:
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
                                              std::span<const index_t> number) const;
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                      std::span<const std::uint8_t> flag_before, std::span<Vec<dim>> v_half);
-  void receive_mass(std::size_t n, double mass, const Vec<dim>& v, std::span<Vec<dim>> v_half);
+                      std::span<Vec<dim>> v_half);
   std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void pass_openings();
   void find_impedance();
