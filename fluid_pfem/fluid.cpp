@@ -472,6 +472,7 @@ void Fluid<dim>::remesh()
     finish_mesh(std::move(elements));
     return;
   }
+  update_state(0, nodes_.size()); // the exchange of mass of the last step is part of the density that stays
   pass_openings();
   const double before = energy().total();
   if (!openings_.empty())
