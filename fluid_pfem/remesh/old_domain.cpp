@@ -101,8 +101,10 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
       last[i] = std::min(last[i], cells[i] - 1);
       beside = beside || first[i] > last[i];
     }
-    if (beside || !(signed_volume<dim, double>(corner) > 0.0))
+    const double V = signed_volume<dim, double>(corner);
+    if (beside || !(V > 0.0))
       continue;
+    const double round_off = 1e-10 * V; // a point on the side of two elements lies in at least one
     for_each_cell<dim>(first, last,
                        [&](const auto& cell)
                        {
@@ -115,7 +117,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
                            {
                              auto moved = corner;
                              moved[a] = queries[q];
-                             within = signed_volume<dim, double>(moved) >= 0.0;
+                             within = signed_volume<dim, double>(moved) >= -round_off;
                            }
                            if (within)
                              found[q] = 1;
