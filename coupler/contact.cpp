@@ -40,6 +40,27 @@ UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const 
 }
 
 template <int dim>
+void UnilateralContact<dim>::for_each_state(StateArchive& archive)
+{
+  archive("solid_x", solid_mesh_.x);
+  archive("solid_epoch", solid_mesh_.epoch);
+  archive("x", x_);
+  archive("inverse_mass", inverse_mass_);
+  archive("before", before_);
+  archive("after", after_);
+  archive("candidates", candidates_);
+  archive("candidate_offset", candidate_offset_);
+  archive("reach", reach_);
+  archive("travelled", travelled_);
+  archive("search_due", search_due_);
+  archive("last_impulse", last_impulse_);
+  archive("dv_solid", dv_solid_);
+  archive("impulse", impulse_);
+  archive("report", report_);
+  archive("balance", balance_);
+}
+
+template <int dim>
 void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
 {
   x_ = as_points(fluid.x);

@@ -34,6 +34,8 @@ public:
   void observe(const WindowRecord& record);
   /// @param status "completed" or "stopped"
   void write_summary(const std::string& status) const;
+  void for_each_state(StateArchive& archive);
+  double time() const { return t_; } ///< of the last record [s]
 
 private:
   void show_progress(const WindowRecord& record);

@@ -3,6 +3,7 @@
 
 #include "common/config/coupling_config.hpp"
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
 #include "coupler/interface_operator.hpp"
 
 #include <array>
@@ -49,6 +50,9 @@ public:
   bool has_deformed() const;
   /// Operator of the present surfaces.
   InterfaceOperator build();
+  /// Operator of the surfaces as they were at the last build: what a restart needs.
+  InterfaceOperator build_again();
+  void for_each_state(StateArchive& archive);
 
   const std::vector<InterfaceReport>& report() const { return report_; }
   std::int64_t builds() const { return builds_; }

@@ -244,6 +244,16 @@ void FluidOutput<dim>::observe(double t, const Fluid<dim>& fluid, bool frame)
 }
 
 template <int dim>
+void FluidOutput<dim>::for_each_state(StateArchive& archive)
+{
+  archive("frames", frames_);
+  archive("probes", probes_);
+  archive("energy", energy_);
+  archive("mass", mass_);
+  archive("next_row", next_row_);
+}
+
+template <int dim>
 void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
 {
   const auto& nodes = fluid.nodes();

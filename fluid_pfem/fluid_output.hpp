@@ -27,6 +27,7 @@ public:
   /// Call at every synchronised time; rows are written when they are due.
   void observe(double t, const Fluid<dim>& fluid, bool frame);
   void write_frame(double t, const Fluid<dim>& fluid);
+  void for_each_state(StateArchive& archive);
 
 private:
   struct Probe
@@ -38,6 +39,15 @@ private:
     double last_t = 0.0;
     double highest = 0.0; ///< −g·x of the free surface at the start [m²/s²]
     std::unique_ptr<History> history;
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("id", id);
+      archive("last_impulse", last_impulse);
+      archive("last_t", last_t);
+      archive("highest", highest);
+      archive("history", history);
+    }
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;

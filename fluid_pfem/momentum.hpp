@@ -38,6 +38,16 @@ struct ElementTerms
   std::vector<Vec<dim>> z;    ///< stabilising mass flux [kg/(m² s)]; empty if there is none
   std::vector<Vec<dim>> body; ///< nodal body force beyond gravity [m/s²]; empty if there is none
   double dissipation = 0.0;   ///< power turned into heat by q and τ [W]
+
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("q", q);
+    archive("tau", tau);
+    archive("z", z);
+    archive("body", body);
+    archive("dissipation", dissipation);
+  }
 };
 
 /// Element terms of elements [begin, end) from positions, velocities at the half step and accelerations of

@@ -39,6 +39,7 @@ def parse_arguments():
     p.add_argument("--ranks", default="", metavar="fluid=N,solid=M,coupler=1", help="MPI ranks of each program (default 1)")
     p.add_argument("--set", action="append", default=[], metavar="table.key=value", help="override a key of the case (repeatable)")
     p.add_argument("--until", metavar="T", help="end time in seconds instead of run.t_end")
+    p.add_argument("--restart", metavar="latest|ID", help="continue from a checkpoint of the output folder")
     p.add_argument("--check", action="store_true", help="read and validate everything, estimate, do not run")
     p.add_argument("--no-plots", action="store_true", help="no PNG files")
     p.add_argument("--verbose", action="store_true", help="programs say more in their logs")
@@ -94,6 +95,8 @@ def mpirun_line(args, case, settings, programs, ranks, out):
         common += ["--set", override]
     if args.until:
         common += ["--until", args.until]
+    if args.restart:
+        common += ["--restart", args.restart]
     if sys.stderr.isatty():  # mpirun hides the terminal from the programs
         common += ["--progress", "1"]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
@@ -113,6 +116,8 @@ def mpirun_line(args, case, settings, programs, ranks, out):
 def run_and_listen(line, environment):
     """Run `line`; pass on its stderr and keep the end of it. Returns the exit code as a shell counts, and that text."""
     process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE)
+    for number in (signal.SIGUSR1, signal.SIGTERM):  # mpirun hands SIGUSR1 to the programs, which stop in order
+        signal.signal(number, lambda *_: process.send_signal(signal.SIGUSR1))
     heard = b""
     try:
         while chunk := os.read(process.stderr.fileno(), 65536):
@@ -224,9 +229,9 @@ def main():
     out.mkdir(parents=True, exist_ok=True)
     for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:
         old.unlink(missing_ok=True)
-    for old in ("history", "plots"):
+    for old in ("plots",) if args.restart else ("history", "plots", "checkpoints"):
         shutil.rmtree(out / old, ignore_errors=True)
-    (out / "history").mkdir()
+    (out / "history").mkdir(exist_ok=True)
 
     print(shlex.join(lines[0]), flush=True)
     begin = time.monotonic()
@@ -234,6 +239,9 @@ def main():
     summary = collect_summary(out, programs, code, time.monotonic() - begin)
     summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    if code == 3:
+        print(f"stopped on request; continue with --restart latest --out {out}", file=sys.stderr)
+        return code
     if code != 0:
         if killed := killed_program(heard, ranks):
             report_killed(out, code, killed)

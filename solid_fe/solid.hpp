@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
 #include "solid_fe/contact.hpp"
@@ -117,6 +118,9 @@ public:
   /// Walls and contact pairs; null if the case has none.
   const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
+  /// All that a later step depends on; what follows from the configuration is made by the constructor.
+  void for_each_state(StateArchive& archive);
+
   /// F_int at any displacement [N]; for verification and statics, allocates.
   std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
 
@@ -129,6 +133,12 @@ private:
     double reaction; ///< [N] at the last complete instant
     int function;    ///< formula of its velocity, −1: constant
     double v_step;   ///< velocity within the step [m/s]
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("reaction", reaction);
+      archive("v_step", v_step);
+    }
   };
 
   void add_internal_force_of(Part part, double dt);

@@ -57,6 +57,8 @@ std::vector<std::pair<const char*, std::function<void(std::span<const std::byte>
           {"window", [=](auto bytes) { wire::read_window(reader(bytes)); }},
           {"kinematics", [=](auto bytes) { wire::read_kinematics(reader(bytes), 2); }},
           {"activation", [=](auto bytes) { wire::read_activation(reader(bytes), 2); }},
+          {"checkpoint", [=](auto bytes) { wire::read_checkpoint_order(reader(bytes)); }},
+          {"checkpoint_done", [=](auto bytes) { wire::read_checkpoint_done(reader(bytes)); }},
           {"fail", [=](auto bytes) { wire::read_failed(reader(bytes)); }},
           {"reason", [=](auto bytes) { wire::read_reason(reader(bytes)); }},
           {"motion", [=](auto bytes) { wire::read_motion(reader(bytes), 2); }}};
@@ -66,9 +68,17 @@ std::vector<Bytes> payloads()
 {
   Bytes reason;
   wire::Writer(reason).string("SIGTERM");
-  return {payload_of(setup()),      payload_of(mesh()),   payload_of(mesh_reply()),
-          payload_of(report()),     payload_of(window()), payload_of(kinematics()),
-          payload_of(activation()), payload_of(failed()), reason,
+  return {payload_of(setup()),
+          payload_of(mesh()),
+          payload_of(mesh_reply()),
+          payload_of(report()),
+          payload_of(window()),
+          payload_of(kinematics()),
+          payload_of(activation()),
+          payload_of(checkpoint_order()),
+          payload_of(checkpoint_done()),
+          payload_of(failed()),
+          reason,
           payload_of(motion())};
 }
 
@@ -116,6 +126,9 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   CHECK(hex(vector_message(free_velocity)) == golden::free_velocity);
   CHECK(hex(vector_message(link_force)) == golden::link_force);
   CHECK(hex(message_of(header(mesh_update), samples::mesh())) == golden::mesh_update);
+  CHECK(hex(message_of(header(checkpoint), checkpoint_order())) == golden::checkpoint);
+  CHECK(hex(message_of(header(MessageType::checkpoint_done), samples::checkpoint_done())) ==
+        golden::checkpoint_done);
   CHECK(hex(reason_message(stop_request, "SIGTERM")) == golden::stop_request);
   CHECK(hex(reason_message(bye, "")) == golden::bye);
   CHECK(hex(empty_message(bye_ack)) == golden::bye_ack);
