@@ -35,6 +35,7 @@ int world_rank()
 /// Ends all programs of the line, or only this one if it is alone.
 int end_with(int code, const std::string& role, const std::string& text, const std::string& out_dir)
 {
+  let_signals_end();
   if (world_size() > 1)
     link::abort_world(code, role, text, out_dir);
   link::report_failure(code, role, text, out_dir);

@@ -182,9 +182,11 @@ TEST_CASE("what is written is what is read", "[link][unit]")
   CHECK(payload_of(wire::read_window(reader(sent[4]))) == sent[4]);
   CHECK(payload_of(wire::read_kinematics(reader(sent[5]), 2)) == sent[5]);
   CHECK(payload_of(wire::read_activation(reader(sent[6]), 2)) == sent[6]);
-  CHECK(payload_of(wire::read_failed(reader(sent[7]))) == sent[7]);
-  CHECK(wire::read_reason(reader(sent[8])) == "SIGTERM");
-  CHECK(payload_of(wire::read_motion(reader(sent[9]), 2)) == sent[9]);
+  CHECK(payload_of(wire::read_checkpoint_order(reader(sent[7]))) == sent[7]);
+  CHECK(payload_of(wire::read_checkpoint_done(reader(sent[8]))) == sent[8]);
+  CHECK(payload_of(wire::read_failed(reader(sent[9]))) == sent[9]);
+  CHECK(wire::read_reason(reader(sent[10])) == "SIGTERM");
+  CHECK(payload_of(wire::read_motion(reader(sent[11]), 2)) == sent[11]);
 }
 
 TEST_CASE("a header comes back as it was sealed", "[link][unit]")

@@ -3,7 +3,7 @@
 #include "common/io/checkpoint.hpp"
 #include "common/io/history.hpp"
 #include "common/tensor.hpp"
-#include "temporary_folder.hpp"
+#include "tests/common/io/temporary_folder.hpp"
 
 #include <catch2/catch.hpp>
 
