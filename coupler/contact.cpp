@@ -66,6 +66,15 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
   x_ = as_points(fluid.x);
   inverse_mass_[Side::fluid] = fluid.inverse_mass;
   last_impulse_.assign(x_.size(), 0.0);
+  near_.resize(x_.size());
+  x_end_ = x_;
+  mortar_.assign(x_.size(), {});
+  faces_.clear();
+  for (std::size_t f = 0; f + 1 < fluid.face_offset.size(); ++f)
+    faces_.emplace_back(fluid.face_nodes.begin() + fluid.face_offset[f],
+                        fluid.face_nodes.begin() + fluid.face_offset[f + 1]);
+  active_.assign(faces_.size(), 0);
+  active_built_.clear();
   search_due_ = true;
 }
 
@@ -75,6 +84,7 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   solid_mesh_ = solid;
   inverse_mass_[Side::solid] = solid.inverse_mass;
   before_ = after_ = FacetSurface<dim>(as_points(solid.x), solid.face_offset, solid.face_nodes);
+  side_ = before_.patches(0.7); // 40 degrees
   dv_solid_.assign(before_.x().size(), {});
   reach_ = 2.0 * before_.facet_size();
   search_due_ = true;
@@ -99,7 +109,6 @@ void UnilateralContact<dim>::find_candidates(double travel)
     return;
   travelled_ = travel;
   search_due_ = false;
-  ++report_.searches;
   before_.sort_bins();
   candidates_.clear();
   candidate_offset_.assign(1, 0);
@@ -110,48 +119,129 @@ void UnilateralContact<dim>::find_candidates(double travel)
   }
 }
 
+/// Faces of the fluid that lie on one smooth side of the solid, and their mortar projection.
+template <int dim>
+void UnilateralContact<dim>::find_faces(double travel)
+{
+  constexpr double touching = 0.02, sliding = 0.02; // of a facet
+  for (std::size_t f = 0; f < faces_.size(); ++f)
+  {
+    int side = -1;
+    bool on = true;
+    for (const int k : faces_[f])
+    {
+      const Near& near = near_[static_cast<std::size_t>(k)];
+      on = on && near.facet >= 0 && !near.beside && near.gap < touching * 0.5 * reach_;
+      if (!on)
+        break;
+      const int other = side_[static_cast<std::size_t>(near.facet)];
+      on = side < 0 || side == other;
+      side = other;
+    }
+    active_[f] = on;
+  }
+  slid_ += travel;
+  if (active_ == active_built_ && slid_ < sliding * 0.5 * reach_)
+    return;
+  active_built_ = active_;
+  slid_ = 0.0;
+  for (auto& row : mortar_)
+    row.clear();
+  InterfaceFaces<dim> ours{x_end_, {}}, theirs{after_.x(), {}};
+  for (std::size_t f = 0; f < faces_.size(); ++f)
+    if (active_[f])
+      ours.faces.push_back(faces_[f]);
+  if (ours.faces.empty())
+    return;
+  for (std::size_t f = 0; f + 1 < solid_mesh_.face_offset.size(); ++f)
+    theirs.faces.emplace_back(solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f],
+                              solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f + 1]);
+  ++report_.searches;
+  const auto mortar = integrate_mortar<dim>(ours, theirs, 0.5 * reach_);
+  for (std::size_t a = 0; a < mortar.D.size(); ++a)
+    for (const auto& [node, c] : mortar.C[a])
+      mortar_[static_cast<std::size_t>(mortar.multiplier_node[a])].push_back({node, c / mortar.D[a]});
+}
+
+/// Row of a node whose weights have just been appended.
+template <int dim>
+void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_t first_weight)
+{
+  constexpr double margin = 0.05; // of a facet: rows that the impulses of others may close
+  constexpr double repair = 0.02; // of what a node is inside already, per step: no kick from a remesh
+  const auto k = static_cast<std::size_t>(node);
+  Row row{.node = node, .n = n, .begin = first_weight, .end = weights_.size(), .impulse = last_impulse_[k]};
+  Vec<dim> apart = x_end_[k], apart_before = x_[k];
+  row.compliance = dot(n, product(inverse_mass_[Side::fluid], node, n));
+  for (std::size_t w = row.begin; w < row.end; ++w)
+  {
+    const auto [c, P] = weights_[w];
+    apart -= P * after_.x()[static_cast<std::size_t>(c)];
+    apart_before -= P * before_.x()[static_cast<std::size_t>(c)];
+    row.compliance += P * P * dot(n, product(inverse_mass_[Side::solid], c, n));
+  }
+  row.gap = dot(n, apart);
+  if (row.gap > margin * 0.5 * reach_ || !(row.compliance > 0.0))
+  {
+    weights_.resize(first_weight);
+    return;
+  }
+  const double gap_before = dot(n, apart_before);
+  if (gap_before < 0.0)
+  {
+    report_.deepest = std::max(report_.deepest, -gap_before);
+    row.gap -= (1.0 - repair) * gap_before;
+  }
+  rows_.push_back(row);
+}
+
 template <int dim>
 void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<double>, 2>& v)
 {
-  constexpr double margin = 0.05; // of a facet: rows that the impulses of others may close
-  constexpr double repair = 0.05; // of what a node is inside already, per step: no kick from a remesh
-  rows_.clear();
+  weights_.clear();
   report_.deepest = 0.0;
   for (std::size_t k = 0; k < x_.size(); ++k)
   {
-    const std::span<const index_t> facets(
-        candidates_.data() + candidate_offset_[k],
-        static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k]));
-    if (facets.empty())
-      continue;
-    Vec<dim> x_end = x_[k];
     for (int i = 0; i < dim; ++i)
-      x_end[i] += dt * v[Side::fluid][k * dim + static_cast<std::size_t>(i)];
-    const auto near = after_.nearest(x_end, facets);
-    if (near.beside || near.gap > margin * 0.5 * reach_)
-      continue;
-    Row row{.node = static_cast<index_t>(k),
-            .facet = after_.facets()[static_cast<std::size_t>(near.facet)],
-            .weight = near.weight,
-            .n = near.normal,
-            .gap = near.gap,
-            .compliance = 0.0,
-            .impulse = last_impulse_[k]};
-    Vec<dim> apart = x_[k];
-    for (std::size_t c = 0; c < dim; ++c)
-      apart -= row.weight[c] * before_.x()[static_cast<std::size_t>(row.facet[c])];
-    const double gap_before = dot(row.n, apart);
-    if (gap_before < 0.0)
+      x_end_[k][i] = x_[k][i] + dt * v[Side::fluid][k * dim + static_cast<std::size_t>(i)];
+    near_[k] = after_.nearest(
+        x_end_[k],
+        std::span<const index_t>(candidates_.data() + candidate_offset_[k],
+                                 static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
+  }
+  find_faces(travel_of_step_);
+
+  std::vector<Vec<dim>>& normal = normal_;
+  normal.assign(x_.size(), {});
+  for (std::size_t f = 0; f < faces_.size(); ++f)
+    if (active_[f])
     {
-      report_.deepest = std::max(report_.deepest, -gap_before);
-      row.gap -= (1.0 - repair) * gap_before;
+      Vec<dim> n;
+      const auto at = [&](std::size_t a) { return x_end_[static_cast<std::size_t>(faces_[f][a])]; };
+      if constexpr (dim == 2)
+        n = right_normal(at(1) - at(0));
+      else
+        n = cross(at(1) - at(0), at(2) - at(0));
+      for (const int k :
+           faces_[f]) // weighted by the measure; the fluid's outward normal points into the solid
+        normal[static_cast<std::size_t>(k)] -= n;
     }
-    row.compliance = dot(row.n, product(inverse_mass_[Side::fluid], row.node, row.n));
-    for (std::size_t c = 0; c < dim; ++c)
-      row.compliance += row.weight[c] * row.weight[c] *
-                        dot(row.n, product(inverse_mass_[Side::solid], row.facet[c], row.n));
-    if (row.compliance > 0.0)
-      rows_.push_back(row);
+  for (std::size_t k = 0; k < x_.size(); ++k)
+  {
+    const Near& near = near_[k];
+    const std::size_t first = weights_.size();
+    if (!mortar_[k].empty() && norm_squared(normal[k]) > 0.0)
+    {
+      weights_.insert(weights_.end(), mortar_[k].begin(), mortar_[k].end());
+      add_row(static_cast<index_t>(k), (1.0 / norm(normal[k])) * normal[k], first);
+    }
+    else if (near.facet >= 0 && !near.beside)
+    {
+      const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
+      for (std::size_t c = 0; c < dim; ++c)
+        weights_.push_back({facet[c], near.weight[c]});
+      add_row(static_cast<index_t>(k), near.normal, first);
+    }
   }
 }
 
@@ -164,9 +254,9 @@ void UnilateralContact<dim>::solve(double dt)
   std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
   const auto push_solid = [&](const Row& row, double impulse)
   {
-    for (std::size_t c = 0; c < dim; ++c)
-      dv_solid_[static_cast<std::size_t>(row.facet[c])] -=
-          (row.weight[c] * impulse) * product(inverse_mass_[Side::solid], row.facet[c], row.n);
+    for (std::size_t w = row.begin; w < row.end; ++w)
+      dv_solid_[static_cast<std::size_t>(weights_[w].node)] -=
+          (weights_[w].P * impulse) * product(inverse_mass_[Side::solid], weights_[w].node, row.n);
   };
   for (const Row& row : rows_)
     push_solid(row, row.impulse);
@@ -180,8 +270,8 @@ void UnilateralContact<dim>::solve(double dt)
       // Each fluid node has one row, so its own change of velocity follows from it.
       const double of_node = dot(row.n, product(inverse_mass_[Side::fluid], row.node, row.n)) * row.impulse;
       double of_solid = 0.0;
-      for (std::size_t c = 0; c < dim; ++c)
-        of_solid += row.weight[c] * dot(row.n, dv_solid_[static_cast<std::size_t>(row.facet[c])]);
+      for (std::size_t w = row.begin; w < row.end; ++w)
+        of_solid += weights_[w].P * dot(row.n, dv_solid_[static_cast<std::size_t>(weights_[w].node)]);
       const double gap = row.gap + dt * (of_node - of_solid);
       const double impulse = std::max(0.0, row.impulse - gap / (dt * row.compliance)),
                    change = impulse - row.impulse;
@@ -211,7 +301,8 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
       fastest[s] = std::max(fastest[s], square);
     }
   }
-  find_candidates(dt * (std::sqrt(fastest[0]) + std::sqrt(fastest[1])));
+  travel_of_step_ = dt * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
+  find_candidates(travel_of_step_);
   report_.rows = report_.touching = report_.sweeps = 0;
   report_.residual_gap = 0.0;
   rows_.clear();
@@ -242,8 +333,8 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
       impulse_[side] += impulse;
     };
     add(Side::fluid, row.node, J);
-    for (std::size_t c = 0; c < dim; ++c)
-      add(Side::solid, row.facet[c], -row.weight[c] * J);
+    for (std::size_t w = row.begin; w < row.end; ++w)
+      add(Side::solid, weights_[w].node, -weights_[w].P * J);
     x_[static_cast<std::size_t>(row.node)] += dt * product(inverse_mass_[Side::fluid], row.node, J);
   }
   for (std::size_t n = 0; n < x_.size(); ++n)

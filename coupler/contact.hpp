@@ -2,24 +2,31 @@
 // step.
 //
 // Both sides take the same step Δt. The free velocities v^{n+1/2} = v^{n−1/2} + Δt a^n are exchanged before
-// the positions move. For every fluid node k near a facet of the solid let g_k be the gap it would have at
-// the end of the step, n the normal of the deformed facet there, and N_c the shape functions of the facet at
-// the foot of the node. The impulses Λ_k ≥ 0 along n solve
+// the positions move. Every fluid node k near the solid has a row: the gap it would have at the end of the
+// step is
 //
-//   g_k + Δt n·(Δv_k − Σ_c N_c ΔV_c) ≥ 0   ⊥   Λ_k ≥ 0,      Δv_k = m_k⁻¹ n Λ_k,   ΔV_c = −M_c⁻¹ Σ_k N_c n
-//   Λ_k ,
+//   g_k = n_k·(x_k − Σ_c P_kc X_c),      Σ_c P_kc = 1 .
+//
+// Where whole faces of the fluid lie on the solid, P = D⁻¹C is the mortar projection with the dual basis
+// (mortar.hpp), so that a uniform pressure loads the solid's nodes consistently whatever the two meshes are,
+// and n_k is the normal of the fluid's own boundary, so that it pushes no node sideways. For a single node P
+// holds the shape functions of the solid's facet at its foot and n_k the normal of the deformed facet. The
+// impulses Λ_k ≥ 0 along n_k solve
+//
+//   g_k + Δt n_k·(Δv_k − Σ_c P_kc ΔV_c) ≥ 0   ⊥   Λ_k ≥ 0,      Δv_k = m_k⁻¹ n_k Λ_k,   ΔV_c = −M_c⁻¹ Σ_k
+//   P_kc n_k Λ_k ,
 //
 // the half-step form of the Gravouil-Combescure multiplier with a one-sided constraint: a node that would
-// cross the surface ends the step exactly on it, slides freely and may leave. Impulses are equal and
-// opposite, and act at one point, so that momentum and angular momentum are conserved; landing is inelastic
-// and can only lose energy. A node that stays on the surface has n·(v − V) = 0 in every half step, so that
-// lasting contact does no net work.
+// cross the surface ends the step on it, slides freely and may leave. Impulses are equal and opposite:
+// momentum is conserved to round-off. Landing is inelastic and can only lose energy. A node that stays on the
+// surface has n·(v − V) = 0 in every half step, so that lasting contact does no net work.
 #pragma once
 
 #include "common/coupling/messages.hpp"
 #include "common/mesh/facet_surface.hpp"
 #include "common/tensor.hpp"
 #include "coupler/gravouil_combescure.hpp"
+#include "coupler/mortar.hpp"
 
 #include <array>
 #include <cstdint>
@@ -66,16 +73,23 @@ public:
 private:
   struct Row
   {
-    index_t node;                   ///< of the fluid
-    std::array<index_t, dim> facet; ///< nodes of the solid
-    std::array<double, dim> weight;
-    Vec<dim> n;
-    double gap;        ///< wanted change of the gap is −gap or more [m]
-    double compliance; ///< n·(m⁻¹ + Σ N_c² M_c⁻¹) n [1/kg]
-    double impulse;
+    index_t node = -1; ///< of the fluid
+    Vec<dim> n{};
+    std::size_t begin = 0, end = 0; ///< its part of weights_
+    double gap = 0.0;               ///< the gap must grow by at least −gap in this step [m]
+    double compliance = 0.0;        ///< n·(m⁻¹ + Σ P² M_c⁻¹) n [1/kg]
+    double impulse = 0.0;
   };
+  struct Weight
+  {
+    index_t node; ///< of the solid
+    double P;
+  };
+  using Near = typename FacetSurface<dim>::Near;
   void find_candidates(double travel);
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
+  void find_faces(double travel);
+  void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight);
   void solve(double dt);
   static std::vector<Vec<dim>> as_points(std::span<const double> values);
   static Vec<dim> product(const std::vector<double>& inverse_mass, index_t n, const Vec<dim>& w);
@@ -87,7 +101,18 @@ private:
   std::vector<index_t> candidates_, candidate_offset_; ///< facets near each fluid node, CSR
   double reach_ = 0.0, travelled_ = 0.0;
   bool search_due_ = true;
+  std::vector<std::vector<int>> faces_;     ///< of the fluid's boundary near the solid
+  std::vector<int> side_;                   ///< smooth side of each facet of the solid
+  std::vector<Vec<dim>> x_end_;             ///< trial positions of the fluid's nodes at the step's end
+  std::vector<Near> near_;                  ///< where they meet the solid
+  std::vector<char> active_;                ///< per fluid face: it lies on the solid
+  std::vector<char> active_built_;          ///< the same when the mortar was integrated
+  std::vector<std::vector<Weight>> mortar_; ///< per fluid node: its row of P; empty: none
+  std::vector<Vec<dim>> normal_;            ///< of the fluid's active faces, at nodes
+  double travel_of_step_ = 0.0;             ///< of the fastest nodes of both sides [m]
+  double slid_ = 0.0;                       ///< since then [m]
   std::vector<Row> rows_;
+  std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it
   std::vector<Vec<dim>> dv_solid_;
   std::array<Vec<dim>, 2> impulse_{};

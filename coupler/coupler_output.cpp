@@ -100,6 +100,20 @@ void CouplerOutput::observe(const WindowRecord& r)
         "interface "
         "masses or a stable step that is too long",
         r.plan.index, t_, made, made / largest_energy_, config_.coupling.energy_limit));
+
+  // A step that has collapsed never recovers: end with the reason instead of crawling on.
+  constexpr double collapsed = 1e-3;
+  constexpr std::int64_t patience = 2000;
+  largest_window_ = std::max(largest_window_, r.plan.steps.coarse_dt);
+  stalled_ = r.plan.steps.coarse_dt < collapsed * largest_window_ && !r.plan.last ? stalled_ + 1 : 0;
+  if (stalled_ > patience)
+    throw NumericalError(fmt::format("window {}, t = {:.6g} s: the time step has collapsed to {:.3g} s, "
+                                     "{:.2g} of what it was ({} windows in a row). "
+                                     "Stable steps: fluid {:.3g} s, solid {:.3g} s; look at the last frame "
+                                     "of the side with the smaller one",
+                                     r.plan.index, t_, r.plan.steps.coarse_dt,
+                                     r.plan.steps.coarse_dt / largest_window_, patience, r.fluid.stable_dt,
+                                     r.solid.stable_dt));
   show_progress(r);
 }
 

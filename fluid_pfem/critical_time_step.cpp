@@ -1,6 +1,7 @@
 // Infinity-norm bound of the acoustic operator.
 #include "fluid_pfem/critical_time_step.hpp"
 
+#include "fluid_pfem/newtonian.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
@@ -123,13 +124,15 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
   if (viscosity.none())
     return dt;
 
-  double xi = viscosity.bulk_linear, lambda = 0.0;
+  double xi = viscosity.bulk_linear;
+  std::vector<double> shear(viscosity.mu > 0.0 ? static_cast<std::size_t>(n_nodes) : 0,
+                            0.0); // row sums [kg/s]
   const double c0 = tait.sound_speed(tait.rho0);
   for (const auto& e : mesh.elements)
   {
     std::array<Vec<dim>, dim + 1> x;
     Mat<dim> V_grad_v;
-    double V2_grad_N2 = 0.0, rho = tait.rho0;
+    double V2_grad_N2 = 0.0, V_grad_N_sum = 0.0;
     for (std::size_t a = 0; a <= dim; ++a)
       x[a] = nodes.x[static_cast<std::size_t>(e[a])];
     const double V = signed_volume<dim, double>(x);
@@ -140,13 +143,20 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     {
       V_grad_v += outer(nodes.v[static_cast<std::size_t>(e[a])], V_grad_N[a]);
       V2_grad_N2 += norm_squared(V_grad_N[a]);
+      V_grad_N_sum += norm(V_grad_N[a]);
     }
     const double height = V / std::sqrt(V2_grad_N2), div_v = trace(V_grad_v) / V;
     const double b2 = viscosity.bulk_quadratic;
     xi = std::max(xi, viscosity.bulk_linear + b2 * b2 * height * std::max(-div_v, 0.0) / c0);
-    // ρ λ ≤ 4/3 μ (dim+1) Σ|∇N|² on one element
-    lambda = std::max(lambda, 4.0 / 3.0 * viscosity.mu * (dim + 1) * V2_grad_N2 / (V * V) / rho);
+    // vᵀK v = ∫2μ |dev ε|² ≤ ∫2μ |∇v|²: at most twice the Laplacian, of which this is the row sum.
+    if (viscosity.mu > 0.0)
+      for (std::size_t a = 0; a <= dim; ++a)
+        shear[static_cast<std::size_t>(e[a])] +=
+            2.0 * viscosity.mu * viscous_fraction<dim>(V, V2_grad_N2) * norm(V_grad_N[a]) * V_grad_N_sum / V;
   }
+  double lambda = 0.0;
+  for (std::size_t n = 0; n < shear.size(); ++n)
+    lambda = std::max(lambda, shear[n] / nodes.inertia[n]);
   dt *= std::sqrt(1.0 + xi * xi) - xi;
   if (lambda > 0.0)
     dt = std::min(dt, 2.0 / lambda);

@@ -380,8 +380,13 @@ double Fluid<dim>::critical_time_step() const
 template <int dim>
 bool Fluid<dim>::is_distorted() const
 {
-  if (!solid_.empty() && travel_ > 0.5 * contact_reach * config_.element_size)
-    return true; // nodes that nobody watches could reach the solid
+  // Nodes that nobody watches could reach the solid.
+  return mesh_is_bad() || (!solid_.empty() && travel_ > 0.5 * contact_reach * config_.element_size);
+}
+
+template <int dim>
+bool Fluid<dim>::mesh_is_bad() const
+{
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
   {
     const double q = quality<dim>(corners(nodes_, mesh_.elements[e]));
@@ -426,6 +431,12 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
 template <int dim>
 void Fluid<dim>::remesh()
 {
+  if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
+  {
+    auto elements = std::move(mesh_.elements);
+    finish_mesh(std::move(elements));
+    return;
+  }
   const double before = energy().total();
   const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
   auto pieces = wall_pieces();
@@ -438,7 +449,7 @@ void Fluid<dim>::remesh()
       refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.3 * nodes_.h[n]);
+      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
@@ -813,6 +824,14 @@ link::SurfaceMesh Fluid<dim>::wet_surface() const
       s.inverse_mass.insert(s.inverse_mass.end(), e.c.begin(), e.c.end());
     }
   }
+  if (!solid_.empty()) // any of these faces may come to lie on the solid
+    for (const auto& facet : mesh_.boundary)
+      if (std::all_of(facet.begin(), facet.end(), [&](index_t n) { return n < n_wet_; }))
+      {
+        s.face_nodes.insert(s.face_nodes.end(), facet.begin(), facet.end());
+        s.face_offset.push_back(static_cast<std::int32_t>(s.face_nodes.size()));
+        s.face_interface.push_back(0);
+      }
   for (const auto& facet : mesh_.boundary)
   {
     SurfaceMask common = wet_mask_;

@@ -86,7 +86,8 @@ public:
   // ------------------------------------------------------------------------------------------------
   /// Largest stable step, safety included [s].
   double critical_time_step() const;
-  /// An element is worse than the configured shape, or the cap of steps is reached.
+  /// An element is worse than the configured shape, the cap of steps is reached, or nodes may have come near
+  /// the solid.
   bool is_distorted() const;
   /// New connectivity at a synchronised time: p, ρ and v of every node stay, m ← ρV, accelerations are
   /// recomputed (without link).
@@ -129,6 +130,7 @@ public:
   void set_velocity(const std::vector<Vec<dim>>& v);
 
 private:
+  bool mesh_is_bad() const;
   double push_off_walls(double dt);
   void triangulate();
   std::vector<Simplex<dim>> triangulation();

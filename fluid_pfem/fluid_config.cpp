@@ -1,6 +1,8 @@
 // Reader of [fluid].
 #include "fluid_pfem/fluid_config.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace undine::fluid
@@ -211,6 +213,13 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
     t.fail(t.has("element_size") ? "element_size" : "size_factor",
            "the spacing of fluid nodes is larger than the smallest extent of the box; refine run.resolution "
            "or element_size");
+  double count = 1.0;
+  for (int i = 0; i < run.dim; ++i)
+    count *= config.size[static_cast<std::size_t>(i)] / config.element_size;
+  if (count > 5e7)
+    t.fail("width", fmt::format("the box would have {:.2g} nodes {:.3g} m apart, more than a machine can "
+                                "hold; are its sizes in metres? Else lower run.resolution",
+                                count, config.element_size));
   config.seeding.pattern = t.choice({"seeding", "", "arrangement of the first nodes"}, "staggered",
                                     {"staggered", "lattice"}) == "staggered"
                                ? Pattern::staggered

@@ -59,7 +59,8 @@ void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, cons
       }
       if constexpr (shear)
       {
-        terms.tau[k] = deviatoric_stress<dim, double>(grad_v, config.mu);
+        terms.tau[k] =
+            deviatoric_stress<dim, double>(grad_v, config.mu * viscous_fraction<dim>(V, V2_grad_N2));
         dissipation += contract(terms.tau[k], grad_v) * V;
       }
     }

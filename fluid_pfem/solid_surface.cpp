@@ -85,12 +85,12 @@ std::array<int, 3> SolidSurface<dim>::sides_at(const Vec<dim>& x, double toleran
 }
 
 template <int dim>
-Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double depth) const
+Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double allowed, double depth) const
 {
   if (empty() || outside_box(x, 0.0))
     return x;
   const auto near = surface_.nearest(x, depth);
-  if (near.facet < 0 || near.beside || near.gap >= 0.0)
+  if (near.facet < 0 || near.beside || near.gap >= -allowed)
     return x;
   Vec<dim> foot{};
   const auto& facet = surface_.facets()[static_cast<std::size_t>(near.facet)];

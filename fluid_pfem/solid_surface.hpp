@@ -38,8 +38,8 @@ public:
   /// Numbers of the smooth sides on which x lies within `tolerance` [m], at most three, −1 where fewer. They
   /// do not collide with those of rigid walls.
   std::array<int, 3> sides_at(const Vec<dim>& x, double tolerance) const;
-  /// x, or the nearest point of the surface if x is inside by at most `depth` [m].
-  Vec<dim> outside(const Vec<dim>& x, double depth) const;
+  /// x, or the nearest point of the surface if x is inside by more than `allowed` and at most `depth` [m].
+  Vec<dim> outside(const Vec<dim>& x, double allowed, double depth) const;
   /// The simplex with these corners lies in the solid, or passes through it.
   /// @param h spacing of the fluid [m]
   bool blocks(std::span<const Vec<dim>> corner, double h) const;

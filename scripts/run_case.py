@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lib import advise  # noqa: E402
 from lib import case as case_file  # noqa: E402
 from lib import compare  # noqa: E402
 
@@ -47,13 +48,19 @@ def parse_arguments():
     return p.parse_args()
 
 
+def stop(code, text):
+    """End with a mistake of the user."""
+    print(f"error: {text}", file=sys.stderr)
+    sys.exit(code)
+
+
 def find_case(name):
     path = Path(name)
     for candidate in (path, path / "case.toml", ROOT / "cases" / name / "case.toml", ROOT / name / "case.toml"):
         if candidate.is_file():
             return candidate
     known = sorted(p.parent.name for p in (ROOT / "cases").glob("*/case.toml"))
-    sys.exit(f"error: no case '{name}': neither a case.toml, nor a folder with one. Cases here: {' '.join(known)}")
+    stop(4, f"no case '{name}': neither a case.toml, nor a folder with one. Cases here: {' '.join(known)}")
 
 
 def ranks_of(text, programs):
@@ -61,7 +68,7 @@ def ranks_of(text, programs):
     for part in filter(None, text.split(",")):
         name, _, number = part.partition("=")
         if name not in ranks or not number.isdigit() or int(number) < 1:
-            sys.exit(f"error: --ranks {part}: write program=number with a program of this case ({', '.join(programs)})")
+            stop(2, f"--ranks {part}: write program=number with a program of this case ({', '.join(programs)})")
         ranks[name] = int(number)
     return ranks
 
@@ -70,7 +77,7 @@ def foreign_command(words, case, binaries):
     """Command of a program that a case names itself, such as ["python3", "my_solid.py"]: the words that are files beside the
     case, and a first word that is one of our binaries, become paths; the rest is looked up as usual."""
     if not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
-        sys.exit(f"error: {case}: program = {words}: write a list of words, such as [\"python3\", \"my_solid.py\"]")
+        stop(2, f"{case}: solid.program = {words}: write a list of words, such as [\"python3\", \"my_solid.py\"]")
     folder = case.resolve().parent
     command = [str(folder / word) if (folder / word).is_file() else word for word in words]
     if command[0] == "python3":
@@ -78,7 +85,7 @@ def foreign_command(words, case, binaries):
     elif (binaries / command[0]).is_file():
         command[0] = str(binaries / command[0])
     elif shutil.which(command[0]) is None:
-        sys.exit(f"error: {case}: program = {words}: '{words[0]}' is neither beside the case, nor in {binaries}, nor in PATH")
+        stop(2, f"{case}: solid.program = {words}: '{words[0]}' is neither beside the case, nor in {binaries}, nor in PATH")
     return command
 
 
@@ -158,17 +165,25 @@ def report_killed(out, code, killed):
         (out / "FAILED.toml").write_text(f'# Why the run ended.\ncode = {code}\nprogram = "{role}"\nrank = {rank}\ntext = "{text}"\n')
 
 
-def check_all(lines, environment):
-    """Run each program with --check. What several of them say is printed once."""
-    said, code = set(), 0
-    for line in lines:
-        result = subprocess.run(line, env=environment, capture_output=True, text=True)
-        code = code or result.returncode
-        for text, stream in ((result.stdout, sys.stdout), (result.stderr, sys.stderr)):
-            if text and text not in said:
-                said.add(text)
-                stream.write(text)
-    return code
+def check_all(lines, settings, environment):
+    """Run each program with --check, all at once. What several of them say is printed once; the descriptions only if all is well. Returns the exit code."""
+    started = [subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for line in lines]
+    results = [(process, *process.communicate()) for process in started]
+    code = next((process.returncode for process, _, _ in results if process.returncode), 0)
+    said = dict.fromkeys(error for _, _, error in results if error)
+    sys.stderr.write("".join(said))
+    if code:
+        return code if code in (2, 4) else 20
+    roles = {"fluid_pfem": "fluid", "solid_fe": "solid"}
+    errors, advice, estimate = advise.review(settings, {roles[Path(line[0]).name]: out for line, (_, out, _) in zip(lines, results) if Path(line[0]).name in roles})
+    for text in errors:
+        print(f"error: {text}", file=sys.stderr)
+    if errors:
+        return 20
+    print("".join(out for _, out, _ in results) + "\n".join(estimate))
+    for text in advice:
+        print(f"advice: {text}")
+    return 0
 
 
 def collect_summary(out, programs, code, wall):
@@ -207,11 +222,13 @@ def main():
     args = parse_arguments()
     case = find_case(args.case)
     out = Path(args.out) if args.out else (Path() if INSTALLED else ROOT) / "runs" / case.resolve().parent.name
-    settings = case_file.load(case, args.set)
+    settings = case_file.load(case, args.set + ([f"run.t_end={args.until}"] if args.until else []))
     programs = [p for p in ("coupler", "fluid", "solid")
                 if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
     if not programs:
-        sys.exit(f"error: {case}: the case has neither [fluid] nor [solid]")
+        stop(2, f"{case}: the case has neither [fluid] nor [solid]: write at least one of these tables (docs/case-file.md)")
+    if "schema" in settings and "fluid" in settings and "solid" in settings and "coupler" not in programs:
+        stop(2, f"{case}: the case has [fluid] and [solid], but no [[interface]] between them: write one with name, fluid and solid")
     compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
@@ -220,11 +237,11 @@ def main():
     lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
-        code = check_all(lines, environment)
+        code = check_all(lines, settings, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
             print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))
-        return 0 if code == 0 else (code if code in (2, 4) else 20)
+        return code
 
     out.mkdir(parents=True, exist_ok=True)
     for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:

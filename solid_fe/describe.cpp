@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace undine::solid
@@ -35,6 +36,15 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
         body.block);
   text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());
   text += fmt::format("  mass       {:.9g} kg\n", solid.mass());
+  Vec<dim> low = solid.nodes().X.front(), high = low;
+  for (const auto& X : solid.nodes().X)
+    for (int i = 0; i < dim; ++i)
+    {
+      low[i] = std::min(low[i], X[i]);
+      high[i] = std::max(high[i], X[i]);
+    }
+  text +=
+      fmt::format("  box        ({:.6g}) to ({:.6g}) m\n", fmt::join(low.c, ", "), fmt::join(high.c, ", "));
   for (const auto& [name, surface] : solid.mesh().surfaces)
     text += fmt::format("  surface    {}: {} facets\n", name, surface.size());
   for (const auto& wet : config.wet)

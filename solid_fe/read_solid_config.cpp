@@ -4,6 +4,10 @@
 #include "common/config/coupling_config.hpp"
 #include "common/error.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 namespace undine::solid
 {
 
@@ -128,6 +132,13 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
                                   std::vector<double>(n, 0.0), any_number());
   const double factor = solid.number(
       {"size_factor", "", "element size of the box relative to run.element_size"}, 1.0, positive());
+  double count = 1.0;
+  for (const double size : geometry.size)
+    count *= std::max(1.0, size / (factor * element_size));
+  if (count > 5e7 && !solid.has("elements"))
+    solid.fail("width", fmt::format("the box would have {:.2g} elements of {:.3g} m, more than a machine can "
+                                    "hold; are its sizes in metres? Else lower run.resolution",
+                                    count, factor * element_size));
   geometry.elements = element_counts(geometry.size, factor * element_size);
   const std::vector<double> counted(geometry.elements.begin(), geometry.elements.end());
   const auto elements = solid.numbers({"elements", "", "number of elements of the box along each axis"}, n,

@@ -14,6 +14,10 @@ namespace undine
 namespace
 {
 
+/// Facets at the rim of an open surface reach on by this part of their size: a node in the corner between the
+/// surface and a rigid wall lies on the rim up to round-off.
+constexpr double rim_extension = 0.25;
+
 /// The sub-facet opposite of corner `a`, as sorted node numbers: what two neighbours share.
 template <int dim>
 std::array<index_t, dim - 1> opposite(const std::array<index_t, dim>& facet, std::size_t a)
@@ -212,8 +216,9 @@ typename FacetSurface<dim>::Projection FacetSurface<dim>::project(const Vec<dim>
   {
     const Vec<2> t = at(1) - at(0);
     const double s = dot(p - at(0), t) / norm_squared(t), c = std::clamp(s, 0.0, 1.0);
-    q.weight = {1.0 - c, c};
-    q.interior = s >= 0.0 && s <= 1.0;
+    q.interior = s >= (rim[0] ? -rim_extension : 0.0) && s <= 1.0 + (rim[1] ? rim_extension : 0.0);
+    const double w = q.interior ? s : c;
+    q.weight = {1.0 - w, w};
     q.on_rim = !q.interior && rim[s < 0.0 ? 0 : 1];
     q.distance = norm(p - at(0) - c * t);
   }
@@ -224,7 +229,8 @@ typename FacetSurface<dim>::Projection FacetSurface<dim>::project(const Vec<dim>
     const Vec<3> e0 = at(1) - at(0), e1 = at(2) - at(0), w = p - at(0);
     const double a = dot(e0, e0), b = dot(e0, e1), c = dot(e1, e1), d = dot(e0, w), e = dot(e1, w);
     const double det = a * c - b * b, s = (c * d - b * e) / det, t = (a * e - b * d) / det;
-    if (s >= 0.0 && t >= 0.0 && s + t <= 1.0)
+    const auto least = [&](std::size_t k) { return rim[k] ? -rim_extension : 0.0; };
+    if (1.0 - s - t >= least(0) && s >= least(1) && t >= least(2))
     {
       q.weight = {1.0 - s - t, s, t};
       q.interior = true;

@@ -28,7 +28,8 @@ public:
     std::array<double, dim> weight{}; ///< of the facet's nodes at the nearest point; they sum to 1
     Vec<dim> normal{};                ///< unit, out of the body
     double gap = 0.0;                 ///< signed distance, negative inside the body [m]
-    bool beside = false; ///< the nearest point lies on the rim of an open surface and the point beyond it
+    bool beside =
+        false; ///< the nearest point lies on the rim of an open surface and the point a quarter facet beyond
   };
 
   FacetSurface() = default;

@@ -45,7 +45,10 @@ def check_references(case, settings):
             if default == "required" and key not in reference:
                 stop(k, f"missing key '{key}'")
         if reference["measure"] not in MEASURES:
-            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}")
+            near = difflib.get_close_matches(reference["measure"], MEASURES, 1)
+            stop(k, f"measure = \"{reference['measure']}\": must be one of {', '.join(MEASURES)}" + (f"; did you mean '{near[0]}'?" if near else ""))
+        if not reference["column"].endswith("]"):
+            stop(k, f"column = \"{reference['column']}\": must be named as in the header of history/{reference['history']}.csv, with its unit, such as \"u_y[m]\"")
         if reference["measure"].startswith("peak") and len(reference.get("band", [])) != 2:
             stop(k, f"measure = \"{reference['measure']}\" needs band = [smallest, largest]")
         for table in [reference, *reference.get("add", [])]:

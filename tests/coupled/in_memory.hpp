@@ -3,6 +3,7 @@
 #pragma once
 
 #include "coupler/run.hpp"
+#include "coupler/run_contact.hpp"
 #include "fluid_pfem/run.hpp"
 #include "solid_fe/run.hpp"
 
@@ -53,7 +54,8 @@ void run_in_memory(fluid::Fluid<dim>& fluid, solid::Solid<dim>& solid, const cou
   {
     link::PartnerLink fluid_partner(std::move(coupler_to_fluid), "fluid"),
         solid_partner(std::move(coupler_to_solid), "solid");
-    coupler::run_coupler(config, fluid_partner, solid_partner, after_window);
+    (config.coupling.has_contact() ? coupler::run_contact : coupler::run_coupler)(
+        config, fluid_partner, solid_partner, after_window);
   }
   catch (...)
   {

@@ -42,7 +42,7 @@ class Installed(unittest.TestCase):
             self.assertTrue((out / name).is_file(), name)
         self.call(prefix / "bin" / "undine-plot", out, "--field", "velocity")
         self.assertIn("completed", self.call(prefix / "bin" / "undine-watch", out, "--once"))
-        self.assertIn("no case 'nowhere'", self.call(prefix / "bin" / "undine", "nowhere", code=1))
+        self.assertIn("no case 'nowhere'", self.call(prefix / "bin" / "undine", "nowhere", code=4))
         self.assertTrue((prefix / "share" / "doc" / "undine" / "case-file.md").is_file())
 
     def test_the_installed_tree_runs_and_may_be_moved(self):

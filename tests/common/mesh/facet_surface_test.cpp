@@ -137,5 +137,6 @@ TEST_CASE("Beyond the rim of an open surface there is no contact")
   CHECK(line.nearest({{2.5, 0.1}}, 1.0).beside);
   CHECK(line.nearest({{-0.5, 0.1}}, 1.0).beside);
   CHECK_FALSE(line.nearest({{1.0, 0.1}}, 1.0).beside);
+  CHECK_FALSE(line.nearest({{-1e-15, 0.1}}, 1.0).beside);     // on the rim up to round-off
   CHECK(line.nearest({{1.0, -0.1}}, 1.0).gap == Approx(0.1)); // walked from left to right, the body is above
 }
