@@ -54,6 +54,15 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("travelled", travelled_);
   archive("search_due", search_due_);
   archive("last_impulse", last_impulse_);
+  archive("faces", faces_);
+  archive("side", side_);
+  archive("x_end", x_end_);
+  archive("active", active_);
+  archive("active_built", active_built_);
+  archive("mortar", mortar_);
+  archive("normal", normal_);
+  archive("travel_of_step", travel_of_step_);
+  archive("slid", slid_);
   archive("dv_solid", dv_solid_);
   archive("impulse", impulse_);
   archive("report", report_);

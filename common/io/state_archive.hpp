@@ -161,7 +161,7 @@ private:
   }
   /// Lists of numbers for each of many: one array, and the sizes.
   template <class T>
-  requires std::is_arithmetic_v<T>
+  requires std::is_trivially_copyable_v<T>
   void each(const std::string& name, std::vector<std::vector<T>>& lists)
   {
     std::vector<std::uint64_t> size;
