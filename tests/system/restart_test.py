@@ -154,8 +154,10 @@ class Stop(Scene):
         self.assertIn("the solid received SIGTERM", ended.text)
 
     def test_sigterm_to_mpirun(self):
-        # mpirun passes SIGTERM on, waits a second, and kills what is left; the code is its own. The state is written all the same.
-        self.stopped_and_continued(self.out, lambda process: os.kill(process.pid, signal.SIGTERM), code=1)
+        # mpirun passes SIGTERM on and kills what is left a second later; the code is its own. The state is written if that second is
+        # enough, which on a busy machine it need not be: what counts is that everything ends and the last checkpoint is good.
+        every = ["--set", "checkpoint.every=0.01"]
+        self.stopped_and_continued(self.out, lambda process: os.kill(process.pid, signal.SIGTERM), code=1, options=every)
 
     def test_a_wall_clock_limit(self):
         line = programs.coupled_line(programs.COLUMN, self.out, *sets("run.resolution=20", "run.t_end=100.0", "checkpoint.wall_limit=1.0"))
