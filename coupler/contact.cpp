@@ -99,16 +99,6 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   search_due_ = true;
 }
 
-template <int dim>
-link::SurfaceMesh UnilateralContact<dim>::solid_now() const
-{
-  link::SurfaceMesh mesh = solid_mesh_;
-  for (std::size_t n = 0; n < before_.x().size(); ++n)
-    for (int i = 0; i < dim; ++i)
-      mesh.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
-  return mesh;
-}
-
 /// Facets that a node can meet before both together have moved by the reach.
 template <int dim>
 void UnilateralContact<dim>::find_candidates(double travel)
@@ -350,7 +340,11 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
     for (int i = 0; i < dim; ++i)
       x_[n][i] += dt * v[Side::fluid][n * dim + static_cast<std::size_t>(i)];
   for (std::size_t n = 0; n < after_.x().size(); ++n)
+  {
     before_.x()[n] = after_.x()[n] + dt * dv_solid_[n];
+    for (int i = 0; i < dim; ++i)
+      solid_mesh_.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
+  }
 
   for (const Side s : both_sides)
     balance_.impulse[s] = norm(impulse_[s]);

@@ -57,7 +57,7 @@ public:
   void replace_fluid(const link::SurfaceMesh& fluid);
   void replace_solid(const link::SurfaceMesh& solid);
   /// The solid's surface as it is now.
-  link::SurfaceMesh solid_now() const;
+  const link::SurfaceMesh& solid() const { return solid_mesh_; }
 
   /// Link forces f = impulse/Δt that keep every node out of the solid [N], n × dim of each side.
   /// @param v free velocities of (fluid, solid) in the middle of the step [m/s]

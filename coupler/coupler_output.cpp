@@ -31,7 +31,8 @@ EnergyBalance energy_of(const link::Report& fluid, const link::Report& solid)
           .dissipated = fluid.dissipated_energy + solid.dissipated_energy};
 }
 
-CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& config)
+CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& config,
+                             const std::vector<ProbeConfig>& probes)
     : output_(output), config_(config),
       energy_(output.dir, "energy",
               "energies of fluid and solid; total = kinetic + internal + dissipated - external_work, changed "
@@ -40,7 +41,7 @@ CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& co
               {"fluid_kinetic[J]", "fluid_internal[J]", "fluid_external_work[J]", "fluid_dissipated[J]",
                "solid_kinetic[J]", "solid_internal[J]", "solid_external_work[J]", "solid_dissipated[J]",
                "work_on_fluid[J]", "work_on_solid[J]", "total[J]"}),
-      on_terminal_(isatty(STDERR_FILENO) != 0), begin_(std::chrono::steady_clock::now()),
+      probes_(probes), on_terminal_(isatty(STDERR_FILENO) != 0), begin_(std::chrono::steady_clock::now()),
       last_progress_(begin_)
 {
   for (const auto& i : config.coupling.interfaces)
@@ -67,8 +68,14 @@ void CouplerOutput::observe(const WindowRecord& r)
   factorisations_ = r.solves;
   const bool start = r.plan.t_end == r.plan.t_begin;
   if (start)
+  {
     total_at_start_ = total_now_;
+    solid_at_start_ = r.solid_surface;
+    gauges_.emplace(output_, probes_, solid_at_start_);
+  }
   else
+    gauges_->observe(t_, r.plan.t_end - r.plan.t_begin, r.solid_force, r.solid_surface);
+  if (!start)
   {
     ++windows_;
     fine_steps_ += r.plan.steps.m;
@@ -121,6 +128,10 @@ void CouplerOutput::for_each_state(StateArchive& archive)
 {
   archive("energy", energy_);
   archive("interface", interface_);
+  archive_surface(archive, "solid_at_start", solid_at_start_);
+  if (archive.reading())
+    gauges_.emplace(output_, probes_, solid_at_start_);
+  archive("gauges", gauges_);
   archive("next_row", next_row_);
   archive("total_at_start", total_at_start_);
   archive("largest_energy", largest_energy_);
@@ -133,6 +144,8 @@ void CouplerOutput::for_each_state(StateArchive& archive)
   archive("balance", balance_);
   archive("largest_jump", largest_jump_);
   archive("largest_gap", largest_gap_);
+  archive("largest_window", largest_window_);
+  archive("stalled", stalled_);
 }
 
 void CouplerOutput::show_progress(const WindowRecord& r)

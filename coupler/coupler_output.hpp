@@ -3,9 +3,11 @@
 
 #include "common/config/run_config.hpp"
 #include "common/io/history.hpp"
+#include "coupler/gauges.hpp"
 #include "coupler/run.hpp"
 
 #include <chrono>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,7 +30,8 @@ EnergyBalance energy_of(const link::Report& fluid, const link::Report& solid);
 class CouplerOutput
 {
 public:
-  CouplerOutput(const OutputConfig& output, const CouplerConfig& config);
+  CouplerOutput(const OutputConfig& output, const CouplerConfig& config,
+                const std::vector<ProbeConfig>& probes = {});
   /// After each window. @throws NumericalError if the interface has made more energy than
   /// coupling.energy_limit allows
   void observe(const WindowRecord& record);
@@ -44,6 +47,9 @@ private:
   CouplerConfig config_;
   History energy_;
   std::vector<History> interface_;
+  std::vector<ProbeConfig> probes_;
+  std::optional<SurfaceGauges> gauges_; ///< from the first record on
+  link::SurfaceMesh solid_at_start_;    ///< where they were placed
   bool on_terminal_;
   std::chrono::steady_clock::time_point begin_, last_progress_;
   double next_row_ = 0.0;

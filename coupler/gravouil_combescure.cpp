@@ -149,6 +149,8 @@ void GravouilCombescure::for_each_state(StateArchive& archive)
   archive("impulse", impulse_);
   archive("balance", balance_);
   archive("factorisations", factorisations_);
+  archive("window_force", window_force_);
+  archive("window_time", window_time_);
 }
 
 void GravouilCombescure::advance(const WindowSteps& steps, Partner& fluid, Partner& solid)
@@ -188,12 +190,22 @@ void GravouilCombescure::record_step(Side side, double dt, const Vector& v_new, 
   balance_.work[side] += dt * mean_f.dot(mean_v);
   impulse_[side] += dt * resultant(mean_f, dim_);
   travel_[side] += dt * mean_v;
+  if (window_time_[side] == 0.0)
+    window_force_[side] = Vector::Zero(mean_f.size());
+  window_force_[side] += dt * mean_f;
+  window_time_[side] += dt;
   v_[side] = v_new;
   f_[side] = f_new;
 }
 
 void GravouilCombescure::record_window()
 {
+  for (const Side s : both_sides)
+  {
+    if (window_time_[s] > 0.0)
+      window_force_[s] /= window_time_[s];
+    window_time_[s] = 0.0;
+  }
   for (const Side s : both_sides)
     balance_.impulse[s] = impulse_[s].norm();
   balance_.impulse_mismatch = (impulse_[Side::fluid] + impulse_[Side::solid]).norm();

@@ -20,6 +20,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 namespace undine::coupler
 {
@@ -100,6 +101,12 @@ public:
   /// ∫v dt of the wet nodes of a side since the wet nodes were last replaced [m].
   const Vector& travel(Side side) const { return travel_[side]; }
 
+  /// Mean link force on a side in the last window [N]: what its impulse divided by the window is.
+  std::span<const double> window_force(Side side) const
+  {
+    return {window_force_[side].data(), static_cast<std::size_t>(window_force_[side].size())};
+  }
+
   const InterfaceBalance& balance() const { return balance_; }
   std::int64_t factorisations() const { return factorisations_ + H_.factorisations(); }
   const Vector& lambda() const { return lambda_; }
@@ -116,6 +123,8 @@ private:
   std::array<Vector, 2> f_;      ///< link force of each side at that time
   std::array<Vector, 2> travel_; ///< ∫ v dt since the start
   std::array<Vector, 2> impulse_;
+  std::array<Vector, 2> window_force_; ///< ∫ f dt of the window so far, at its end divided by it
+  std::array<double, 2> window_time_{0.0, 0.0};
   InterfaceBalance balance_;
   std::int64_t factorisations_ = 0; ///< of operators that were replaced
 };

@@ -151,6 +151,19 @@ InterfaceOperator Interface::build()
   return {std::move(side[Side::fluid]), std::move(side[Side::solid])};
 }
 
+void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& m)
+{
+  archive(name + "/dim", m.dim);
+  archive(name + "/epoch", m.epoch);
+  archive(name + "/interfaces", m.interfaces);
+  archive(name + "/node_id", m.node_id);
+  archive(name + "/x", m.x);
+  archive(name + "/inverse_mass", m.inverse_mass);
+  archive(name + "/face_offset", m.face_offset);
+  archive(name + "/face_nodes", m.face_nodes);
+  archive(name + "/face_interface", m.face_interface);
+}
+
 InterfaceOperator Interface::build_again()
 {
   const std::array<std::vector<double>, 2> now{surface_[0].x, surface_[1].x};
@@ -176,12 +189,7 @@ void Interface::for_each_state(StateArchive& archive)
       throw Failure(ExitCode::bad_input_file,
                     fmt::format("restart: the wet nodes that the {} has sent are not those of the checkpoint",
                                 s == Side::fluid ? "fluid" : "solid"));
-    archive(side + "epoch", m.epoch);
-    archive(side + "x", m.x);
-    archive(side + "inverse_mass", m.inverse_mass);
-    archive(side + "face_offset", m.face_offset);
-    archive(side + "face_nodes", m.face_nodes);
-    archive(side + "face_interface", m.face_interface);
+    archive_surface(archive, side + "surface", m);
     archive(side + "x_message", x_message_[s]);
     archive(side + "x_built", x_built_[s]);
   }

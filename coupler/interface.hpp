@@ -28,6 +28,9 @@ struct InterfaceReport
   std::pair<int, int> rows{0, 0};    ///< its rows of the operator
 };
 
+/// Hand over a wet surface.
+void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& surface);
+
 /// The interfaces of a case on two wet surfaces that move.
 class Interface
 {
@@ -54,6 +57,7 @@ public:
   InterfaceOperator build_again();
   void for_each_state(StateArchive& archive);
 
+  const link::SurfaceMesh& surface(Side side) const { return surface_[side]; }
   const std::vector<InterfaceReport>& report() const { return report_; }
   std::int64_t builds() const { return builds_; }
 

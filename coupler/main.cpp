@@ -74,7 +74,7 @@ ExitCode start(Launch& launch)
     if (const std::string warning = launch.restart_warning(); !warning.empty())
       log->warn(warning);
   }
-  coupler::CouplerOutput output(launch.output, config);
+  coupler::CouplerOutput output(launch.output, config, launch.probes);
   Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
   const Persistence persistence{.role = launch.role,
                                 .from = launch.restart ? &*launch.restart : nullptr,

@@ -36,8 +36,10 @@ struct WindowRecord
   const link::Report& solid;
   const InterfaceBalance& balance;
   std::span<const InterfaceReport> interfaces;
-  std::int64_t searches; ///< operators built, or searches for contact, since the start
-  std::int64_t solves;   ///< factorisations, or contact problems solved, since the start
+  const link::SurfaceMesh& solid_surface; ///< where it is now
+  std::span<const double> solid_force;    ///< mean link force on its nodes in the window [N], n × dim
+  std::int64_t searches;                  ///< operators built, or searches for contact, since the start
+  std::int64_t solves;                    ///< factorisations, or contact problems solved, since the start
 };
 
 WindowRules rules_of(const CouplingConfig&);

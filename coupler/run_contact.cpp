@@ -51,7 +51,7 @@ std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::Pa
     for (const Side s : both_sides)
       contact.balance().work[s] = report[s].interface_work;
     after_window({plan, report[Side::fluid], report[Side::solid], contact.balance(), interfaces,
-                  contact.report().searches, contact.report().solves});
+                  contact.solid(), f[Side::solid], contact.report().searches, contact.report().solves});
   };
   const StateVisitor state = [&](StateArchive& archive)
   {
@@ -96,7 +96,7 @@ std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::Pa
     report[Side::fluid] = fluid.receive_report();
     if (report[Side::fluid].surface_changed)
     {
-      fluid.send_surface(contact.solid_now());
+      fluid.send_surface(contact.solid());
       contact.replace_fluid(fluid.receive_mesh_update());
       report[Side::fluid] = fluid.receive_report();
     }

@@ -71,7 +71,8 @@ std::int64_t run_staggered(const CouplerConfig& given, link::PartnerLink& fluid,
     persistence.restore(state);
   else
     after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                  interface.builds(), gc.factorisations()});
+                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                  gc.factorisations()});
   CheckpointKeeper keeper(persistence, partner, say);
   keeper.at_start(planner.time(), state);
 
@@ -103,7 +104,8 @@ std::int64_t run_staggered(const CouplerConfig& given, link::PartnerLink& fluid,
     for (const Side s : both_sides)
       report[s] = partner[s]->receive_report();
     after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                  interface.builds(), gc.factorisations()});
+                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                  gc.factorisations()});
     start_compatibly = renew_operator(interface, gc, partner, report);
     if (keeper.after_window(planner.time(), windows, state))
       break;

@@ -93,7 +93,7 @@ private:
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity, double least_mass)
+                          const ElementTermsConfig& viscosity, double floor)
 {
   const index_t n_nodes = nodes.size();
   std::vector<double> column_sum(static_cast<std::size_t>(n_nodes), 0.0);
@@ -103,7 +103,6 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     row.gather(mesh, nodes, i);
     row.for_each([&](index_t j, double B) { column_sum[static_cast<std::size_t>(j)] += B; });
   }
-  const double least_volume = least_mass / tait.rho0;
   double omega_squared = 0.0;
   for (index_t i = 0; i < n_nodes; ++i)
   {
@@ -113,7 +112,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
         [&](index_t j, double B)
         {
           const auto k = static_cast<std::size_t>(j);
-          sum += B * tait.tangent_modulus(nodes.p[k]) / std::max(nodes.V[k], least_volume) * column_sum[k];
+          sum += B * tait.tangent_modulus(nodes.p[k]) /
+                 std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k])) * column_sum[k];
         });
     if (sum > 0.0)
       omega_squared = std::max(omega_squared, sum / nodes.inertia[static_cast<std::size_t>(i)]);

@@ -13,9 +13,11 @@ namespace undine::fluid
 /// ∂V_j/∂x_i:
 ///   ω² ≤ max_i (1/m_i) Σ_j |B_ij| (ρ_j c_j²/V_j) Σ_k |B_kj|,   Δt ≤ 2/ω · (√(1+ξ²) − ξ),
 /// with the damping ratio ξ of the bulk viscosity, and Δt ≤ 2/λ of the shear viscosity. Rigorous for the
-/// undamped operator, and finite on interior slivers: it sees the faces of elements, never their volume. [s]
+/// undamped operator, and finite on interior slivers: it sees the faces of elements, never their volume.
+/// @param floor least volume of a node over the regular one, as in update_density_and_pressure
+/// @returns [s]
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& terms, double least_mass);
+                          const ElementTermsConfig& terms, double floor);
 
 } // namespace undine::fluid

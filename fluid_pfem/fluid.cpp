@@ -63,46 +63,56 @@ double third(const Vec<dim>& x)
 template <int dim>
 Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
 {
-  const Vec<dim> origin = leading<dim>(config.origin), size = leading<dim>(config.size);
-  surfaces_ = box_surfaces<dim>(origin, size);
+  surfaces_ = body_surfaces<dim>(config);
   wall_kind_.assign(surfaces_.size(), WallKind::slip);
   for (const WallConfig& wall : config.walls)
   {
     const SurfaceMask bit = surface_bit(wall.on, "fluid.wall.on");
-    wall_mask_ |= bit;
+    (wall.kind == WallKind::impedance ? impedance_mask_ : wall_mask_) |= bit;
     wall_kind_[static_cast<std::size_t>(std::countr_zero(bit))] = wall.kind;
   }
   for (const auto& [interface, surface] : config.interfaces)
     if (surface != InterfaceConfig::whole_boundary)
       wet_mask_ |= surface_bit(surface, "interface '" + interface + "': fluid");
-  if (wall_mask_ & wet_mask_)
+  if ((wall_mask_ | impedance_mask_) & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
-  Seeds<dim> seeds = seed_box<dim>(origin, size, config.element_size, config.seeding);
-  if (config.shape == Shape::ellipse)
-    seeds = cut_ellipse<dim>(seeds, origin, size, config.element_size);
   contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
+  size_ = SizeField<dim>(config.element_size, config.coarsest, config.spacing, surfaces_, contact_);
+  openings_ = Openings<dim>(config.inlets, config.outlets, config.element_size);
+  auto [seeds, inside] = seed_scene<dim>(config, size_, contact_);
+  openings_.first_rows(seeds.x, seeds.surface, seeds.body);
+  if (!config.inlets.empty())
+    inside = [in_body = inside, openings = openings_](const Vec<dim>& x)
+    { return (in_body && in_body(x)) || openings.behind_inlet(x); };
   const std::size_t n = seeds.x.size();
   nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
   nodes_.surface = std::move(seeds.surface);
-  nodes_.h.assign(n, config.element_size);
+  update_spacing();
   std::iota(nodes_.id.begin(), nodes_.id.end(), global_index_t{0});
   next_id_ = static_cast<global_index_t>(n);
   nodes_.rho.assign(n, config.tait.rho0);
   if (config.initial_pressure == InitialPressure::hydrostatic)
   {
     const Vec<dim> g = leading<dim>(config.gravity);
-    double highest = -1e300; // of the potential −g·x, where p = p₀
+    highest_ = -1e300;
     for (const auto& x : nodes_.x)
-      highest = std::max(highest, -dot(g, x));
+      highest_ = std::max(highest_, -dot(g, x));
     for (std::size_t i = 0; i < n; ++i)
-      nodes_.rho[i] = config.tait.hydrostatic_density(highest + dot(g, nodes_.x[i]));
+      nodes_.rho[i] = config.tait.hydrostatic_density(highest_ + dot(g, nodes_.x[i]));
   }
-  for (std::size_t i = 0; i < n && !config.initial_velocity.empty(); ++i)
-    for (int k = 0; k < dim; ++k)
-      nodes_.v[i][k] = config.initial_velocity[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
-                                                                            third(nodes_.x[i]), 0.0);
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    if (seeds.body[i] < 0)
+      continue;
+    const auto b = static_cast<std::size_t>(seeds.body[i]);
+    const auto& v0 = (b == 0 ? config : config.more_bodies[b - 1]).initial_velocity;
+    for (std::size_t k = 0; k < v0.size(); ++k)
+      nodes_.v[i].c[k] = v0[k](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
+  }
+  openings_.drive(nodes_, 0.0);
+  inside_ = std::move(inside);
   triangulate();
 }
 
@@ -201,8 +211,8 @@ template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
-  check_state(update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor * regular_mass(),
-                                               nodes_, begin, end));
+  check_state(
+      update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end));
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
       nodes_.p[static_cast<std::size_t>(n)] =
@@ -264,6 +274,14 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
   for (const index_t n : constrained_)
     if (n >= n_wet_)
       constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  let_waves_out(dt, true);
+  if (openings_.driven_mask() != 0)
+  {
+    for (std::size_t i = 0; i < nodes_.x.size(); ++i) // what holds a driven node does work
+      if (nodes_.surface[i] & openings_.driven_mask())
+        openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
+    openings_.drive(nodes_, t_);
+  }
   for (index_t n = n_wet_; n < n_nodes; ++n)
     nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
   exchange_mass(dt);
@@ -279,18 +297,17 @@ void Fluid<dim>::exchange_mass(double dt)
   const bool flux = !terms_.z.empty(), feedback = config_.feedback_time > 0.0;
   if (!flux && !feedback)
     return;
-  const double rate = feedback ? sound_speed() / (config_.feedback_time * config_.element_size) : 0.0;
-  const double floor = config_.inertia_floor * regular_mass();
+  const double c_per_T = feedback ? sound_speed() / config_.feedback_time : 0.0;
   const index_t n_nodes = nodes_.size();
   for (index_t n = 0; n < n_nodes; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     const double exchanged = flux ? dt * mass_rate_[i] : 0.0;
     const double defect = std::clamp(nodes_.M[i] - nodes_.m[i], -0.2 * nodes_.m[i], 0.2 * nodes_.m[i]);
-    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * rate * defect);
+    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * c_per_T / nodes_.h[i] * defect);
     nodes_.M[i] += exchanged;
     if (n >= n_wet_) // the coupler was told the mass of the wet ones
-      nodes_.inertia[i] = std::max(nodes_.m[i], floor);
+      nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
   }
 }
 
@@ -348,11 +365,11 @@ Vec<dim> Fluid<dim>::gravity() const
   return ramp * leading<dim>(config_.gravity);
 }
 
-/// Mass of a node of a regular lattice: triangles in the plane, cubes in space.
+/// Least mass in Newton's law of node i.
 template <int dim>
-double Fluid<dim>::regular_mass() const
+double Fluid<dim>::least_inertia(std::size_t i) const
 {
-  return config_.tait.rho0 * (dim == 2 ? std::sqrt(0.75) : 1.0) * std::pow(config_.element_size, dim);
+  return config_.inertia_floor * config_.tait.rho0 * regular_volume<dim>(nodes_.h[i]);
 }
 
 template <int dim>
@@ -373,8 +390,8 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety * fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
-                                                              config_.inertia_floor * regular_mass());
+  return config_.step_safety *
+         fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms, config_.inertia_floor);
 }
 
 template <int dim>
@@ -387,6 +404,8 @@ bool Fluid<dim>::is_distorted() const
 template <int dim>
 bool Fluid<dim>::mesh_is_bad() const
 {
+  if (openings_.row_due(nodes_))
+    return true;
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
   {
     const double q = quality<dim>(corners(nodes_, mesh_.elements[e]));
@@ -401,9 +420,8 @@ bool Fluid<dim>::mesh_is_bad() const
   Vec<dim> mean{};
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
     mean += (1.0 / static_cast<double>(x_remesh_.size())) * (nodes_.x[n] - x_remesh_[n]);
-  const double limit = 0.05 * config_.element_size;
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    if (norm_squared(nodes_.x[n] - x_remesh_[n] - mean) > limit * limit)
+    if (norm(nodes_.x[n] - x_remesh_[n] - mean) > 0.05 * nodes_.h[n])
       return true;
   return false;
 }
@@ -437,7 +455,9 @@ void Fluid<dim>::remesh()
     finish_mesh(std::move(elements));
     return;
   }
+  pass_openings();
   const double before = energy().total();
+  update_spacing();
   const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
@@ -445,8 +465,9 @@ void Fluid<dim>::remesh()
     const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
     nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
   }
-  const SpacingReport spacing =
-      refine_and_coarsen<dim>(nodes_, mesh_, pieces, n_wet_, config_.remesh.spacing, next_id_);
+  const SpacingReport spacing = refine_and_coarsen<dim>(
+      nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
+      config_.remesh.spacing, next_id_);
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
@@ -469,9 +490,29 @@ void Fluid<dim>::remesh()
 }
 
 template <int dim>
+void Fluid<dim>::update_spacing()
+{
+  nodes_.h.assign(nodes_.x.size(), config_.element_size);
+  if (size_.uniform())
+    return;
+  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+    nodes_.h[n] = size_(nodes_.x[n], contact_);
+}
+
+template <int dim>
 void Fluid<dim>::triangulate()
 {
-  finish_mesh(alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation()));
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation());
+  if (inside_)
+    std::erase_if(elements,
+                  [&](const Simplex<dim>& e)
+                  {
+                    Vec<dim> centroid{};
+                    for (const auto& x : corners(nodes_, e))
+                      centroid += (1.0 / (dim + 1)) * x;
+                    return !inside_(centroid);
+                  });
+  finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
 }
 
@@ -513,7 +554,6 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
-  const double least_volume = config_.inertia_floor * regular_mass() / config_.tait.rho0;
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
   update_nodal_volumes<dim>(mesh_, nodes_, 0, n_nodes);
   for (index_t n = 0; n < n_nodes; ++n)
@@ -522,13 +562,14 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     if (mesh_.isolated(n))
     {
       nodes_.rho[i] = config_.tait.rho0;
-      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : config_.inertia_floor * regular_mass();
+      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : least_inertia(i);
     }
     else // the inverse of update_density_and_pressure, completed nodes included
-      nodes_.m[i] = nodes_.rho[i] * nodes_.V[i] +
-                    (nodes_.rho[i] - config_.tait.rho0) * std::max(0.0, least_volume - nodes_.V[i]);
+      nodes_.m[i] =
+          nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) *
+                                            std::max(0.0, least_inertia(i) / config_.tait.rho0 - nodes_.V[i]);
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
-    nodes_.inertia[i] = std::max(nodes_.m[i], config_.inertia_floor * regular_mass());
+    nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   terms_.body.clear();
@@ -545,7 +586,10 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  find_impedance();
+  let_waves_out(dt_before_, false);
   nodes_.v = v;
+  openings_.drive(nodes_, t_);
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
@@ -575,7 +619,7 @@ void Fluid<dim>::flag_nodes()
   }
   for (const auto& facet : mesh_.boundary)
   {
-    SurfaceMask surface = wall_mask_ | wet_mask_;
+    SurfaceMask surface = wall_mask_ | wet_mask_ | impedance_mask_ | openings_.driven_mask();
     std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
     for (const index_t n : facet)
     {
@@ -602,16 +646,25 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
   for (const auto& e : elements)
     for (const index_t n : e)
       used[static_cast<std::size_t>(n)] = 1;
-  std::vector<index_t> new_number(nodes_.x.size(), -1);
-  index_t kept = 0;
-  for (std::size_t n = 0; n < new_number.size(); ++n)
-    if (used[n] || nodes_.alone[n] < config_.remesh.delete_isolated_after)
-      new_number[n] = kept++;
-    else
+  std::vector<char> gone(nodes_.x.size(), 0);
+  for (std::size_t n = 0; n < gone.size(); ++n)
+    if (!used[n] && nodes_.alone[n] >= config_.remesh.delete_isolated_after)
     {
+      gone[n] = 1;
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
+  erase_nodes(gone, elements);
+}
+
+template <int dim>
+void Fluid<dim>::erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements)
+{
+  std::vector<index_t> new_number(nodes_.x.size(), -1);
+  index_t kept = 0;
+  for (std::size_t n = 0; n < new_number.size(); ++n)
+    if (!gone[n])
+      new_number[n] = kept++;
   if (kept == nodes_.size())
     return;
   nodes_.for_each_field(
@@ -625,6 +678,75 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
+}
+
+/// Nodes come in and go out; the advected mesh of the last remesh gets and loses their elements, so that the
+/// remesh that follows finds the fluid where it is.
+template <int dim>
+void Fluid<dim>::pass_openings()
+{
+  if (openings_.empty())
+    return;
+  const double before = energy().total();
+  inflow_ += openings_.let_in(nodes_, mesh_.elements, next_id_, config_.tait.rho0);
+  openings_.drive(nodes_, t_);
+  std::vector<char> gone;
+  outflow_ += openings_.let_out(nodes_, mesh_.elements, gone);
+  if (!gone.empty())
+  {
+    erase_nodes(gone, mesh_.elements);
+    mesh_.boundary.clear(); // of a mesh that is no more; the edges of splits are then taken as inner ones
+  }
+  openings_energy_ += energy().total() - before;
+}
+
+template <int dim>
+void Fluid<dim>::find_impedance()
+{
+  impedance_.clear();
+  if (impedance_mask_ == 0)
+    return;
+  std::vector<Vec<dim>> area(nodes_.x.size());
+  for (const auto& facet : mesh_.boundary)
+  {
+    SurfaceMask common = impedance_mask_;
+    std::array<Vec<dim>, dim> x;
+    for (std::size_t k = 0; k < dim; ++k)
+    {
+      common &= nodes_.surface[static_cast<std::size_t>(facet[k])];
+      x[k] = nodes_.x[static_cast<std::size_t>(facet[k])];
+    }
+    // volume_gradient of the facet is inward: V∇N = −area/dim
+    for (const index_t n : facet)
+      if (common != 0)
+        area[static_cast<std::size_t>(n)] -= volume_gradient<dim, double>(x);
+  }
+  for (index_t n = 0; n < nodes_.size(); ++n)
+    if (norm_squared(area[static_cast<std::size_t>(n)]) > 0.0)
+      impedance_.push_back({n, area[static_cast<std::size_t>(n)]});
+}
+
+/// Traction −(p(rest) + ρ₀c₀ v_n) n on impedance nodes, implicit in the velocity of the full step:
+/// v = v_half + Δt/2 a,  (m + Δt/2 Z) a_n = F_n − p A − Z v_half,n,  Z = ρ₀ c₀ A.
+template <int dim>
+void Fluid<dim>::let_waves_out(double dt, bool book)
+{
+  const Tait& tait = config_.tait;
+  for (const ImpedanceNode& node : impedance_)
+  {
+    const auto i = static_cast<std::size_t>(node.node);
+    const double A = norm(node.area), Z = tait.rho0 * sound_speed() * A, m = nodes_.inertia[i];
+    const Vec<dim> n = node.area * (1.0 / A);
+    const double depth = std::max(0.0, highest_ + dot(leading<dim>(config_.gravity), nodes_.x[i]));
+    const double p = config_.initial_pressure == InitialPressure::hydrostatic
+                         ? tait.pressure(tait.hydrostatic_density(depth))
+                         : tait.p0;
+    const double v_n = dot(nodes_.v[i], n), a_n = dot(nodes_.a[i], n);
+    const double da = (m * a_n - p * A - Z * v_n) / (m + 0.5 * dt * Z) - a_n;
+    nodes_.a[i] += da * n;
+    if (book)
+      openings_energy_ += dt * m * da * v_n;
+  }
 }
 
 /// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet
@@ -773,6 +895,7 @@ FluidEnergy Fluid<dim>::energy() const
   e.remesh_loss = remesh_loss_;
   e.wall_work = wall_work_;
   e.interface_work = interface_work_;
+  e.openings = openings_energy_;
   return e;
 }
 
@@ -791,6 +914,8 @@ FluidMass Fluid<dim>::mass_by_state() const
     }
   }
   mass.deleted = ledger_.deleted_mass;
+  mass.inflow = inflow_;
+  mass.outflow = outflow_;
   return mass;
 }
 
@@ -932,6 +1057,10 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("remesh_loss", remesh_loss_);
   archive("interface_work", interface_work_);
   archive("wall_work", wall_work_);
+  archive("impedance", impedance_);
+  archive("openings_energy", openings_energy_);
+  archive("inflow", inflow_);
+  archive("outflow", outflow_);
 }
 
 template <int dim>

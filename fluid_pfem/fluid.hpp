@@ -12,6 +12,7 @@
 #include "fluid_pfem/walls.hpp"
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -28,6 +29,7 @@ struct FluidEnergy
   double remesh_loss = 0.0;    ///< falls of it, cumulated, ≤ 0
   double wall_work = 0.0;      ///< done by contact with rigid walls on the fluid, cumulated
   double interface_work = 0.0; ///< done by link forces on the fluid, cumulated
+  double openings = 0.0; ///< carried in less carried out, and work of driven and impedance nodes, cumulated
 
   double total() const { return kinetic + internal + potential; }
 };
@@ -41,16 +43,17 @@ struct RemeshLedger
   double deleted_mass = 0.0; ///< of isolated nodes that were deleted [kg]
 };
 
-/// Mass by state. Particle mass is conserved to round-off: meshed + flying + deleted.
+/// Mass by state. Particle mass is conserved to round-off: meshed + flying + deleted + outflow − inflow.
 struct FluidMass
 {
   double meshed = 0.0; ///< Σ M of nodes in elements [kg]
   double flying = 0.0; ///< Σ M of isolated nodes
   double deleted = 0.0;
-  double dynamic = 0.0; ///< Σ m of nodes in elements
-  double volume = 0.0;  ///< of the elements [m^dim]
+  double inflow = 0.0, outflow = 0.0; ///< through openings, cumulated
+  double dynamic = 0.0;               ///< Σ m of nodes in elements
+  double volume = 0.0;                ///< of the elements [m^dim]
 
-  double total() const { return meshed + flying + deleted; }
+  double total() const { return meshed + flying + deleted + outflow - inflow; }
 };
 
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
@@ -132,12 +135,17 @@ public:
 private:
   bool mesh_is_bad() const;
   double push_off_walls(double dt);
+  void update_spacing();
   void triangulate();
   std::vector<Simplex<dim>> triangulation();
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
   void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
+  void erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
+  void pass_openings();
+  void find_impedance();
+  void let_waves_out(double dt, bool book);
   void release_mass(const ShapeChoice<dim>& choice);
   void settle_mass(double particle_mass);
   void smooth_mass_defect();
@@ -149,15 +157,25 @@ private:
   void exchange_mass(double dt);
   void check_state(index_t bad_node) const;
   Vec<dim> gravity() const;
-  double regular_mass() const;
+  double least_inertia(std::size_t i) const;
   double sound_speed() const { return config_.tait.sound_speed(config_.tait.rho0); }
   SurfaceMask surface_bit(const std::string& name, const std::string& what) const;
 
   FluidConfig config_;
   std::vector<PlaneSurface<dim>> surfaces_;
   std::vector<WallKind> wall_kind_; ///< per surface; meaningful where wall_mask_ is set
-  SurfaceMask wall_mask_ = 0, wet_mask_ = 0;
+  SurfaceMask wall_mask_ = 0, wet_mask_ = 0, impedance_mask_ = 0;
+  struct ImpedanceNode
+  {
+    index_t node;
+    Vec<dim> area; ///< of the boundary around it, outward [m^(dim−1)]
+  };
+  std::vector<ImpedanceNode> impedance_;
+  Openings<dim> openings_;
+  double highest_ = 0.0; ///< potential −g·x of the free surface at the start, where p = p₀ [m²/s²]
   Walls<dim> contact_;
+  SizeField<dim> size_;
+  std::function<bool(const Vec<dim>&)> inside_; ///< where fluid is at the start; empty: one convex body
   SolidSurface<dim> solid_;
   double travel_ = 0.0; ///< of the fastest fluid and solid nodes since the wet nodes were chosen [m]
   FluidNodes<dim> nodes_;
@@ -176,7 +194,8 @@ private:
   std::int64_t steps_ = 0, steps_since_remesh_ = 0;
   std::uint32_t surface_epoch_ = 0;
   RemeshLedger ledger_;
-  double dissipated_ = 0.0, remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, wall_work_ = 0.0;
+  double dissipated_ = 0.0, remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, wall_work_ = 0.0,
+         openings_energy_ = 0.0, inflow_ = 0.0, outflow_ = 0.0;
 };
 
 } // namespace undine::fluid

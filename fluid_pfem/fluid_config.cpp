@@ -48,6 +48,18 @@ std::vector<Expression> formulas(const CaseTable& t, const Key& key, std::size_t
   return result;
 }
 
+/// x, y pairs as points of the plane.
+std::vector<std::array<double, 3>> corners(const CaseTable& t, const Key& key)
+{
+  const auto flat = t.numbers(key, 0, {}, any_number());
+  if (flat.size() % 2 != 0)
+    t.fail(key.name, "must be x, y pairs");
+  std::vector<std::array<double, 3>> points;
+  for (std::size_t k = 0; k < flat.size(); k += 2)
+    points.push_back({flat[k], flat[k + 1], 0.0});
+  return points;
+}
+
 void read_terms(const CaseTable& t, bool impact, FluidConfig& config)
 {
   config.terms.mu =
@@ -73,6 +85,50 @@ void read_terms(const CaseTable& t, bool impact, FluidConfig& config)
       {"surface_tension", "", "nodes of the free surface may be in tension; false: p >= 0 there"}, !impact);
 }
 
+/// Corners of a box wall: a closed polyline in the plane.
+void set_box(WallGeometry& g, const std::vector<double>& box, std::size_t dim)
+{
+  if (dim == 3)
+  {
+    g.box = true;
+    g.points = {{box[0], box[1], box[2]}, {box[3], box[4], box[5]}};
+    return;
+  }
+  g.closed = true;
+  g.points = {{box[0], box[1], 0.0}, {box[2], box[1], 0.0}, {box[2], box[3], 0.0}, {box[0], box[3], 0.0}};
+  if (!g.fluid_inside)
+    std::reverse(g.points.begin(), g.points.end());
+}
+
+/// [[fluid.inlet]] and [[fluid.outlet]].
+void read_openings(const CaseTable& t, std::size_t dim, FluidConfig& config)
+{
+  for (const CaseTable& i : t.tables("inlet", "2-D: an opening through which fluid enters at a given speed."))
+  {
+    InletConfig inlet;
+    inlet.name = i.text({"name", "", "in messages"}, "inlet");
+    const auto ends =
+        corners(i, {"points", "m", "ends of the opening a, b; the fluid enters to the left of a to b"});
+    if (ends.size() != 2 || ends[0] == ends[1])
+      i.fail("points", "must be two different points x0, y0, x1, y1");
+    inlet.a = ends[0];
+    inlet.b = ends[1];
+    inlet.speed = formulas(i, {"speed", "m/s", "one function of t"}, 1);
+    if (inlet.speed.empty())
+      i.fail("speed", "is missing, e.g. [\"1.0\"]");
+    config.inlets.push_back(std::move(inlet));
+  }
+  for (const CaseTable& o :
+       t.tables("outlet", "A box; nodes that are found in it at a remesh leave the run."))
+  {
+    OutletConfig outlet;
+    const auto box = o.numbers({"box", "m", "lowest corner, then highest corner"}, 2 * dim, any_number());
+    std::copy_n(box.begin(), dim, outlet.lower.begin());
+    std::copy_n(box.begin() + static_cast<std::ptrdiff_t>(dim), dim, outlet.upper.begin());
+    config.outlets.push_back(outlet);
+  }
+}
+
 /// [[fluid.wall]]: either `on` a surface of the box for ever, or a polyline or plane that the fluid may meet
 /// and leave.
 void read_walls(const CaseTable& t, int dim, FluidConfig& config)
@@ -84,14 +140,19 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
   {
     const auto on = w.optional_text(
         {"on", "", "surface of the box that is this wall for ever: left right bottom top (back front)"});
-    const bool slip = w.choice({"kind", "", "slip or no_slip (no_slip only with on)"}, "slip",
-                               {"slip", "no_slip"}) == "slip";
+    const std::string kind = w.choice(
+        {"kind", "",
+         "slip, symmetry (the same), no_slip; with on also impedance: not a wall, waves leave there"},
+        "slip", {"slip", "symmetry", "no_slip", "impedance"});
     WallGeometry g;
     g.name = w.text({"name", "", "of the wall in histories and messages"}, on ? *on : "wall");
-    const auto flat = w.numbers(
-        {"points", "m", "2-D: corners x0, y0, x1, y1, ... of a polyline with the fluid on its left"}, 0, {},
-        any_number());
+    const auto points = corners(
+        w, {"points", "m", "2-D: corners x0, y0, x1, y1, ... of a polyline with the fluid on its left"});
     g.closed = w.boolean({"closed", "", "join the last point to the first"}, false);
+    const auto box = w.numbers({"box", "m", "a closed box: lowest corner, then highest corner"},
+                               w.has("box") ? 2 * n : 0, {}, any_number());
+    g.fluid_inside = w.choice({"fluid", "", "where the fluid is: inside or outside of the box"}, "inside",
+                              {"inside", "outside"}) == "inside";
     const auto point =
         w.numbers({"point", "m", "a point of an unbounded plane"}, w.has("point") ? n : 0, {}, any_number());
     const auto normal = w.numbers({"normal", "", "normal of the plane, into the fluid"},
@@ -105,32 +166,100 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
     std::copy(centre.begin(), centre.end(), g.motion.centre.begin());
     if (on)
     {
-      if (!flat.empty() || !point.empty())
+      if (!points.empty() || !point.empty() || !box.empty())
         w.fail("on", "a wall is either on a surface of the box, or has points, or a point and a normal");
-      config.walls.push_back({*on, slip ? WallKind::slip : WallKind::no_slip});
+      config.walls.push_back({*on, kind == "no_slip"     ? WallKind::no_slip
+                                   : kind == "impedance" ? WallKind::impedance
+                                                         : WallKind::slip});
       continue;
     }
-    if (!slip)
-      w.fail("kind", "walls that the fluid may leave are slip walls; no_slip needs `on`");
-    if (!point.empty() && !normal.empty())
+    if (kind == "impedance")
+      w.fail("kind", "only a face of the fluid can be an impedance boundary; give `on`");
+    g.no_slip = kind == "no_slip";
+    if (!box.empty())
+      set_box(g, box, n);
+    else if (!point.empty() && !normal.empty())
     {
       g.plane = true;
       g.points.emplace_back();
       std::copy(point.begin(), point.end(), g.points.back().begin());
       std::copy(normal.begin(), normal.end(), g.normal.begin());
     }
-    else if (!flat.empty())
+    else if (!points.empty())
     {
-      if (dim != 2 || flat.size() % 2 != 0 || flat.size() < 4)
-        w.fail("points",
-               "must be x, y pairs of at least two corners, in a 2-D case; in 3-D give point and normal");
-      for (std::size_t k = 0; k < flat.size(); k += 2)
-        g.points.push_back({flat[k], flat[k + 1], 0.0});
+      if (dim != 2 || points.size() < 2)
+        w.fail("points", "must be at least two corners, in a 2-D case; in 3-D give point and normal");
+      g.points = points;
     }
     else
-      w.fail("", "a wall needs `on`, `points`, or `point` and `normal`");
+      w.fail("", "a wall needs `on`, `points`, `box`, or `point` and `normal`");
     config.contact_walls.push_back(std::move(g));
   }
+}
+
+/// Form, place and velocity of a body of fluid.
+void read_body(const CaseTable& t, int dim, Body& body)
+{
+  const auto n = static_cast<std::size_t>(dim);
+  const std::string shape =
+      t.choice({"shape", "",
+                "a body of fluid: a box, the ellipse inscribed in it, a polygon (2-D), or none: it comes in "
+                "through inlets"},
+               "box", {"box", "ellipse", "polygon", "none"});
+  body.initial_velocity = formulas(t, {"initial_velocity", "m/s", "functions of x, y, z"}, n);
+  const auto points = corners(
+      t, {"points", "m",
+          "polygon: its corners x0, y0, x1, y1, ...; its edges are the surfaces edge_0, edge_1, ..."});
+  if (shape == "none")
+  {
+    body.shape = Shape::none;
+    return;
+  }
+  if (shape == "polygon")
+  {
+    if (dim != 2 || points.size() < 3)
+      t.fail("points", "a polygon needs at least three corners, in a 2-D case");
+    body.shape = Shape::polygon;
+    body.points = points;
+    return;
+  }
+  body.shape = shape == "box" ? Shape::box : Shape::ellipse;
+  const auto origin = t.numbers({"origin", "m", "lowest corner of the box of fluid"}, n,
+                                std::vector<double>(n, 0.0), any_number());
+  std::copy(origin.begin(), origin.end(), body.origin.begin());
+  body.size[0] = t.number({"width", "m", "extent of the box along x"}, positive());
+  body.size[1] = t.number({"height", "m", "extent of the box along y, the vertical"}, positive());
+  if (dim == 3)
+    body.size[2] = t.number({"depth", "m", "extent of the box along z"}, positive());
+}
+
+/// [[fluid.spacing]]: the size field.
+void read_spacing(const CaseTable& t, std::size_t dim, FluidConfig& config)
+{
+  for (const CaseTable& z :
+       t.tables("spacing",
+                "A zone of wanted spacing (graded resolution): in it nodes are factor times element_size "
+                "apart, outside their spacing grows; without zones it is uniform."))
+  {
+    SizeZone zone;
+    zone.factor = z.number({"factor", "", "spacing in the zone over element_size"}, 1.0, positive());
+    zone.growth =
+        z.number({"growth", "", "growth of the spacing per distance from the zone"}, 0.15, between(0.0, 0.4));
+    zone.near = z.text(
+        {"near", "", "the zone is this wall (where it is at each remesh) or this face of the fluid"}, "");
+    const auto box = z.numbers({"box", "m", "the zone is this box: lowest corner, then highest corner"},
+                               z.has("box") ? 2 * dim : 0, {}, any_number());
+    if (zone.near.empty() == box.empty())
+      z.fail("", "a zone is either a box or near a wall or face");
+    for (std::size_t i = 0; i < dim && !box.empty(); ++i)
+    {
+      zone.lower[i] = std::min(box[i], box[dim + i]);
+      zone.upper[i] = std::max(box[i], box[dim + i]);
+    }
+    config.spacing.push_back(std::move(zone));
+  }
+  config.coarsest =
+      t.number({"coarsest", "", "largest spacing of a size field over element_size"}, 16.0, positive());
 }
 
 void read_remeshing(const CaseTable& t, bool impact, RemeshConfig& remesh)
@@ -185,38 +314,31 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
 
   const auto gravity = t.numbers({"gravity", "m/s^2", "body force per mass"}, dim,
                                  std::vector<double>(dim, 0.0), any_number());
-  const auto origin = t.numbers({"origin", "m", "lowest corner of the box of fluid"}, dim,
-                                std::vector<double>(dim, 0.0), any_number());
   std::copy(gravity.begin(), gravity.end(), config.gravity.begin());
-  std::copy(origin.begin(), origin.end(), config.origin.begin());
   config.gravity_ramp =
       t.number({"gravity_ramp", "s", "gravity grows smoothly over this time"}, 0.0, non_negative());
   config.body_force = formulas(
       t, {"body_force", "m/s^2", "force per mass as functions of x, y, z, t, added to gravity"}, dim);
-  config.initial_velocity = formulas(t, {"initial_velocity", "m/s", "functions of x, y, z"}, dim);
-  config.shape = t.choice({"shape", "", "the first body of fluid: a box, or the ellipse inscribed in it"},
-                          "box", {"box", "ellipse"}) == "box"
-                     ? Shape::box
-                     : Shape::ellipse;
-  config.size[0] = t.number({"width", "m", "extent of the box along x"}, positive());
-  config.size[1] = t.number({"height", "m", "extent of the box along y, the vertical"}, positive());
-  if (run.dim == 3)
-    config.size[2] = t.number({"depth", "m", "extent of the box along z"}, positive());
+  read_body(t, run.dim, config);
+  for (const CaseTable& body : t.tables(
+           "body", "A further body of fluid; the one of [fluid] itself comes first and has named surfaces."))
+    read_body(body, run.dim, config.more_bodies.emplace_back());
 
   const double factor =
       t.number({"size_factor", "", "spacing of fluid nodes over the run's element size"}, 1.0, positive());
   config.element_size = t.number(
       {"element_size", "m", "spacing of fluid nodes; default: size_factor times the run's element size"},
       factor * run.element_size(), positive());
-  const double smallest = *std::min_element(config.size.begin(), config.size.begin() + run.dim);
-  if (config.element_size > smallest)
+  if ((config.shape == Shape::box || config.shape == Shape::ellipse) &&
+      config.element_size > *std::min_element(config.size.begin(), config.size.begin() + run.dim))
     t.fail(t.has("element_size") ? "element_size" : "size_factor",
            "the spacing of fluid nodes is larger than the smallest extent of the box; refine run.resolution "
            "or element_size");
+  read_spacing(t, dim, config);
   double count = 1.0;
   for (int i = 0; i < run.dim; ++i)
     count *= config.size[static_cast<std::size_t>(i)] / config.element_size;
-  if (count > 5e7)
+  if (config.spacing.empty() && count > 5e7)
     t.fail("width", fmt::format("the box would have {:.2g} nodes {:.3g} m apart, more than a machine can "
                                 "hold; are its sizes in metres? Else lower run.resolution",
                                 count, config.element_size));
@@ -235,6 +357,7 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
           ? InitialPressure::zero
           : InitialPressure::hydrostatic;
   read_walls(t, run.dim, config);
+  read_openings(t, dim, config);
   for (const auto& i : coupling.interfaces)
     config.interfaces.emplace_back(i.name, i.fluid);
   read_remeshing(t, impact, config.remesh);

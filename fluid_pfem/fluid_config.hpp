@@ -6,8 +6,10 @@
 #include "common/config/expression.hpp"
 #include "common/config/run_config.hpp"
 #include "fluid_pfem/momentum.hpp"
+#include "fluid_pfem/openings.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
+#include "fluid_pfem/size_field.hpp"
 #include "fluid_pfem/tait.hpp"
 #include "fluid_pfem/walls.hpp"
 
@@ -22,22 +24,35 @@ namespace undine::fluid
 
 enum class WallKind
 {
-  slip,
-  no_slip
+  slip, ///< a symmetry plane is one
+  no_slip,
+  impedance ///< no wall: waves leave through it, p = p(rest) + rho c v_n
 };
 
-/// A surface of the box that stays a wall for ever: its nodes move in it (slip) or not at all (no slip).
+/// A surface of the box that stays a wall for ever: its nodes move in it (slip) or not at all (no slip); or
+/// an end of what is computed, through which waves leave (impedance).
 struct WallConfig
 {
   std::string on; ///< surface name
   WallKind kind = WallKind::slip;
 };
 
-/// Form of the first fluid body.
+/// Form of a body of fluid.
 enum class Shape
 {
   box,
-  ellipse ///< inscribed in the box (an ellipsoid in 3-D)
+  none,    ///< no body: the fluid comes in through inlets
+  ellipse, ///< inscribed in the box (an ellipsoid in 3-D)
+  polygon  ///< 2-D
+};
+
+struct Body
+{
+  Shape shape = Shape::box;
+  std::array<double, 3> origin{};            ///< lowest corner of the box [m]
+  std::array<double, 3> size{};              ///< [m]
+  std::vector<std::array<double, 3>> points; ///< corners of the polygon, counter-clockwise [m]
+  std::vector<Expression> initial_velocity;  ///< [m/s], functions of x, y, z; empty or dim
 };
 
 enum class Pattern
@@ -73,7 +88,8 @@ struct RemeshConfig
   int delete_isolated_after = 0; ///< remeshes; 0: isolated nodes fly for ever
 };
 
-struct FluidConfig
+/// The first body, which has the named surfaces, and everything else.
+struct FluidConfig : Body
 {
   int dim = 2;
   Tait tait;
@@ -84,15 +100,16 @@ struct FluidConfig
   std::array<double, 3> gravity{};     ///< [m/s²]
   double gravity_ramp = 0.0;           ///< gravity grows smoothly to its value over this time [s]
   std::vector<Expression> body_force;  ///< [m/s²], functions of x, y, z, t, added to gravity; empty or dim
-  std::vector<Expression> initial_velocity; ///< [m/s], functions of x, y, z; empty or dim
-  Shape shape = Shape::box;
-  std::array<double, 3> origin{}; ///< lowest corner of the box [m]
-  std::array<double, 3> size{};   ///< [m]
-  double element_size = 0.0;      ///< wanted spacing of nodes [m]
+  std::vector<Body> more_bodies;
+  double element_size = 0.0;     ///< wanted spacing of nodes where nothing else is asked for [m]
+  std::vector<SizeZone> spacing; ///< zones of a size field; without them the spacing is uniform
+  double coarsest = 16.0;        ///< largest spacing of the size field over element_size
   Seeding seeding;
   InitialPressure initial_pressure = InitialPressure::zero;
   std::vector<WallConfig> walls;
-  std::vector<WallGeometry> contact_walls;                     ///< walls that the fluid may meet and leave
+  std::vector<WallGeometry> contact_walls; ///< walls that the fluid may meet and leave
+  std::vector<InletConfig> inlets;
+  std::vector<OutletConfig> outlets;
   std::vector<std::pair<std::string, std::string>> interfaces; ///< (interface, surface)
   RemeshConfig remesh;
   double inertia_floor = 0.0;  ///< least mass in Newton's law, fraction of a regular node's

@@ -12,6 +12,13 @@ namespace undine::fluid
 
 using SurfaceMask = std::uint32_t; ///< bit s: the node lies on named surface s
 
+/// Volume of a node of a regular lattice of spacing `h` [m]: triangles in the plane, cubes in space [m^dim].
+template <int dim>
+constexpr double regular_volume(double h)
+{
+  return dim == 2 ? 0.86602540378443865 * h * h : h * h * h;
+}
+
 /// What a node is since the last remesh.
 enum NodeFlag : std::uint8_t
 {
@@ -35,7 +42,7 @@ struct FluidNodes
   std::vector<double> rho;     ///< density [kg/m³]
   std::vector<double> p;       ///< pressure [Pa]
   std::vector<double> V;       ///< nodal volume [m^dim]
-  std::vector<double> h;       ///< wanted spacing [m]
+  std::vector<double> h;       ///< wanted spacing: the size field here, at the last remesh [m]
   std::vector<SurfaceMask> surface; ///< named surfaces the node lies on
   std::vector<global_index_t> id;   ///< for ever
   std::vector<std::uint8_t> flag;   ///< NodeFlag

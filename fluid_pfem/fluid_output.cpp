@@ -16,6 +16,8 @@ namespace undine::fluid
 namespace
 {
 
+constexpr int samples_per_row = 16; ///< of a gauge
+
 template <int dim>
 std::span<const double> flat(const std::vector<Vec<dim>>& field)
 {
@@ -113,17 +115,18 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
       energy_(output.dir, "fluid_energy",
               fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
                           "dissipated - interface_work - wall_work - "
-                          "remesh_gain - remesh_loss changes only by what the stabilisation moves",
+                          "remesh_gain - remesh_loss - openings changes only by what the stabilisation moves",
                           dim == 2 ? " per metre of depth" : ""),
               {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]",
-               "remesh_loss[J]", "wall_work[J]", "interface_work[J]"}),
+               "remesh_loss[J]", "wall_work[J]", "interface_work[J]", "openings[J]"}),
       mass_(output.dir, "mass",
             fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; "
                         "volume_error = rho0 volume / "
                         "meshed - 1; created and dropped: volume by decision of all remeshes",
                         dim == 2 ? " per metre of depth" : ""),
             {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]",
-             "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]"}),
+             "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]", "inflow[kg]",
+             "outflow[kg]"}),
       rho0_(fluid.config().tait.rho0)
 {
   for (const ProbeConfig& probe : probes)
@@ -181,6 +184,11 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
     columns = {"error[]"};
     result.highest = highest_potential(fluid);
   }
+  else if (probe.fields == std::vector<std::string>{"angular_momentum"})
+  {
+    definition = "angular momentum about the point, sum of particle mass times (x - point) cross v, about z";
+    columns = {"L[N m s]"};
+  }
   else if (probe.fields == std::vector<std::string>{"elevation"})
   {
     definition = "highest point of the fluid's boundary above x = point[0]";
@@ -205,8 +213,13 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
       definition = fmt::format("mean over the {} nodes of surface '{}'", result.id.size(), probe.surface);
     }
     else if (probe.radius > 0.0)
-      definition = fmt::format("fixed gauge: mean over the nodes within {:.6g} m of the point, 0 when dry",
-                               probe.radius);
+      definition = fmt::format(
+          "fixed gauge: mean over the nodes within {:.6g} m of the point, 0 when dry, and over the "
+          "time since the last row{}",
+          probe.radius,
+          config_.history_interval > 0.0
+              ? fmt::format(" ({:.6g} s, {} samples)", config_.history_interval, samples_per_row)
+              : " (one step)");
     else
     {
       std::size_t nearest = 0;
@@ -234,6 +247,8 @@ void FluidOutput<dim>::observe(double t, const Fluid<dim>& fluid, bool frame)
 {
   if (frame && config_.frames)
     write_frame(t, fluid);
+  if (config_.history_interval > 0.0 && t >= next_sample_)
+    sample_gauges(t, fluid);
   if (frame || config_.history_interval <= 0.0 || t >= next_row_)
   {
     write_rows(t, fluid);
@@ -251,6 +266,24 @@ void FluidOutput<dim>::for_each_state(StateArchive& archive)
   archive("energy", energy_);
   archive("mass", mass_);
   archive("next_row", next_row_);
+  archive("next_sample", next_sample_);
+}
+
+template <int dim>
+void FluidOutput<dim>::sample_gauges(double t, const Fluid<dim>& fluid)
+{
+  while (next_sample_ <= t)
+    next_sample_ += config_.history_interval / samples_per_row;
+  for (Probe& probe : probes_)
+  {
+    if (!probe.is_gauge())
+      continue;
+    const std::vector<double> row = measure(probe, t, fluid);
+    probe.sum.resize(row.size(), 0.0);
+    for (std::size_t k = 0; k < row.size(); ++k)
+      probe.sum[k] += row[k];
+    ++probe.samples;
+  }
 }
 
 template <int dim>
@@ -274,16 +307,23 @@ void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
   energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss,
-                    e.wall_work, e.interface_work});
+                    e.wall_work, e.interface_work, e.openings});
   const auto& nodes = fluid.nodes();
   const FluidMass m = fluid.mass_by_state();
   const RemeshLedger& r = fluid.ledger();
   mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume,
                   m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created, r.dropped,
                   static_cast<double>(nodes.size()), static_cast<double>(r.merged),
-                  static_cast<double>(r.split), static_cast<double>(r.remeshes)});
+                  static_cast<double>(r.split), static_cast<double>(r.remeshes), m.inflow, m.outflow});
   for (Probe& probe : probes_)
-    probe.history->write(t, measure(probe, t, fluid));
+  {
+    std::vector<double> row = measure(probe, t, fluid);
+    for (std::size_t k = 0; k < row.size() && probe.samples > 0; ++k)
+      row[k] = probe.sum[k] / probe.samples;
+    probe.sum.clear();
+    probe.samples = 0;
+    probe.history->write(t, row);
+  }
 }
 
 template <int dim>
@@ -308,6 +348,17 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
       if (!(nodes.flag[n] & isolated_node))
         front = std::max(front, nodes.x[n][0]);
     return {front};
+  }
+  if (probe.config.fields.front() == "angular_momentum")
+  {
+    double L = 0.0;
+    const Vec<dim> centre = as_point<dim>(probe.config.point);
+    for (std::size_t n = 0; n < nodes.x.size(); ++n)
+    {
+      const Vec<dim> r = nodes.x[n] - centre;
+      L += nodes.M[n] * (r[0] * nodes.v[n][1] - r[1] * nodes.v[n][0]);
+    }
+    return {L};
   }
   if (probe.config.fields.front() == "hydrostatic_error")
     return {hydrostatic_error(fluid, probe.highest)};

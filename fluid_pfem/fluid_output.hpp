@@ -16,7 +16,8 @@ namespace undine::fluid
 
 /// Files of one run in `out_dir`: fluid.h5/.xdmf, history/<probe>.csv, history/fluid_energy.csv,
 /// history/mass.csv. A probe at a point follows the node that was nearest at the start; a probe on a surface
-/// is the mean over its nodes.
+/// is the mean over its nodes; a gauge (radius > 0) is the mean over the nodes near its point and over the
+/// time since the last row.
 template <int dim>
 class FluidOutput
 {
@@ -37,7 +38,10 @@ private:
     std::ptrdiff_t wall = -1;       ///< whose force is measured
     Vec<dim> last_impulse{};
     double last_t = 0.0;
-    double highest = 0.0; ///< −g·x of the free surface at the start [m²/s²]
+    double highest = 0.0;    ///< −g·x of the free surface at the start [m²/s²]
+    std::vector<double> sum; ///< of a gauge's samples since the last row
+    int samples = 0;
+    bool is_gauge() const { return config.radius > 0.0; }
     std::unique_ptr<History> history;
 
     void for_each_state(StateArchive& archive)
@@ -46,18 +50,21 @@ private:
       archive("last_impulse", last_impulse);
       archive("last_t", last_t);
       archive("highest", highest);
+      archive("sum", sum);
+      archive("samples", samples);
       archive("history", history);
     }
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;
+  void sample_gauges(double t, const Fluid<dim>& fluid);
   void write_rows(double t, const Fluid<dim>& fluid);
 
   OutputConfig config_;
   FrameWriter frames_;
   std::vector<Probe> probes_;
   History energy_, mass_;
-  double next_row_ = 0.0;
+  double next_row_ = 0.0, next_sample_ = 0.0;
   double rho0_ = 0.0;
 };
 

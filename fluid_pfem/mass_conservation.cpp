@@ -26,14 +26,14 @@ void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, in
 }
 
 template <int dim>
-index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double least_mass,
+index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double floor,
                                     FluidNodes<dim>& nodes, index_t begin, index_t end)
 {
-  const double least_volume = least_mass / tait.rho0;
   index_t bad = -1;
   for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
+    const double least_volume = floor * regular_volume<dim>(nodes.h[i]);
     if (nodes.V[i] > least_volume)
     {
       nodes.rho[i] = nodes.m[i] / nodes.V[i];

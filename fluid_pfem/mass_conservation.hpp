@@ -16,12 +16,12 @@ namespace undine::fluid
 template <int dim>
 void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, index_t begin, index_t end);
 
-/// ρ = m/V and p = p(ρ) of nodes [begin, end); isolated nodes are at ρ₀, p₀. A node that carries less than
-/// `least_mass` [kg] (one flat element, a corner) would be a stiff spring: it is completed to `least_mass` by
-/// fluid at rest density, ρ = (m + ρ₀ (V* − V))/V*.
+/// ρ = m/V and p = p(ρ) of nodes [begin, end); isolated nodes are at ρ₀, p₀. A node whose volume is less than
+/// V* = `floor` times the regular volume (one flat element, a corner) would be a stiff spring: it is
+/// completed to V* by fluid at rest density, ρ = (m + ρ₀ (V* − V))/V*.
 /// @returns the first node whose volume is not positive although it has elements, or −1
 template <int dim>
-index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double least_mass,
+index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double floor,
                                     FluidNodes<dim>& nodes, index_t begin, index_t end);
 
 } // namespace undine::fluid

@@ -22,23 +22,111 @@ Vec<dim> leading(const std::array<double, 3>& a)
   return v;
 }
 
-/// The normal to the left of a → b.
-Vec<2> left_normal(const Vec<2>& a, const Vec<2>& b)
+/// Unit normal of a segment (to the left of it) or a triangle (right-handed).
+template <int dim>
+Vec<dim> normal_of(const std::array<Vec<dim>, dim>& corner)
 {
-  const Vec<2> n = -right_normal(b - a);
+  Vec<dim> n;
+  if constexpr (dim == 2)
+    n = -right_normal(corner[1] - corner[0]);
+  else
+    n = cross(corner[1] - corner[0], corner[2] - corner[0]);
   return n * (1.0 / norm(n));
+}
+
+/// In-plane unit vector out of the piece at its end or edge k.
+template <int dim>
+Vec<dim> outward(const WallPiece<dim>& piece, std::size_t k)
+{
+  Vec<dim> out;
+  if constexpr (dim == 2)
+    out = piece.corner[k] - piece.corner[1 - k];
+  else
+    out = cross(piece.corner[(k + 1) % 3] - piece.corner[k], piece.n);
+  return out * (1.0 / norm(out));
+}
+
+/// The twelve triangles of a box, seen from outside.
+std::vector<std::array<Vec<3>, 3>> box_triangles(const Vec<3>& lower, const Vec<3>& upper)
+{
+  std::vector<std::array<Vec<3>, 3>> triangles;
+  for (int i = 0; i < 3; ++i)
+    for (int end = 0; end < 2; ++end)
+    {
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      const auto at = [&](int p, int q)
+      {
+        Vec<3> x;
+        x[i] = end == 0 ? lower[i] : upper[i];
+        x[j] = p == 0 ? lower[j] : upper[j];
+        x[k] = q == 0 ? lower[k] : upper[k];
+        return x;
+      };
+      const std::array<Vec<3>, 4> face{at(0, 0), at(1, 0), at(1, 1), at(0, 1)}; // counter-clockwise about +i
+      if (end == 1)
+      {
+        triangles.push_back({face[0], face[1], face[2]});
+        triangles.push_back({face[0], face[2], face[3]});
+      }
+      else
+      {
+        triangles.push_back({face[0], face[2], face[1]});
+        triangles.push_back({face[0], face[3], face[2]});
+      }
+    }
+  return triangles;
+}
+
+/// Reach past the ends and edges that pieces share: far past concave ones, a rounding past flat ones.
+template <int dim>
+void join(std::span<WallPiece<dim>> pieces, double spacing)
+{
+  for (auto& piece : pieces)
+    piece.reach.fill(-1e-9 * spacing); // a node on the neighbour's side of a convex edge is not on this piece
+  const auto has = [](const WallPiece<dim>& piece, const Vec<dim>& x)
+  { return std::find(piece.corner.begin(), piece.corner.end(), x) != piece.corner.end(); };
+  for (auto& p : pieces)
+    for (std::size_t k = 0; k < dim; ++k)
+      for (const auto& q : pieces)
+      {
+        if (&p == &q || !has(q, p.corner[k]) || (dim == 3 && !has(q, p.corner[(k + 1) % dim])))
+          continue;
+        const auto other = *std::find_if(
+            q.corner.begin(), q.corner.end(),
+            [&](const auto& x) { return x != p.corner[k] && (dim == 2 || x != p.corner[(k + 1) % dim]); });
+        const double rise = p.distance(other);
+        p.reach[k] = rise > 1e-9 * spacing    ? 4.0 * spacing
+                     : rise > -1e-9 * spacing ? 1e-9 * spacing
+                                              : p.reach[k];
+      }
 }
 
 } // namespace
 
 template <int dim>
-bool WallPiece<dim>::covers(const Vec<dim>& x) const
+double WallPiece<dim>::overhang(const Vec<dim>& x, bool with_reach) const
 {
   if (plane)
-    return true;
-  const Vec<dim> t = b - a;
-  const double length = norm(t), s = dot(x - a, t) / length;
-  return s >= -reach_a && s <= length + reach_b;
+    return std::numeric_limits<double>::lowest();
+  double furthest = std::numeric_limits<double>::lowest();
+  for (std::size_t k = 0; k < dim; ++k)
+    furthest = std::max(furthest, dot(x - corner[k], outward(*this, k)) - (with_reach ? reach[k] : 0.0));
+  return furthest;
+}
+
+template <int dim>
+double WallPiece<dim>::gap(const Vec<dim>& x) const
+{
+  if (overhang(x, false) <= 0.0)
+    return std::abs(distance(x));
+  double shortest = std::numeric_limits<double>::max();
+  for (std::size_t k = 0; k < dim; ++k)
+  {
+    const Vec<dim> t = corner[(k + 1) % dim] - corner[k];
+    shortest = std::min(
+        shortest, norm(x - corner[k] - std::clamp(dot(x - corner[k], t) / norm_squared(t), 0.0, 1.0) * t));
+  }
+  return shortest;
 }
 
 template <int dim>
@@ -48,13 +136,14 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
   for (std::size_t w = 0; w < geometry.size(); ++w)
   {
     const WallGeometry& g = geometry[w];
+    const std::size_t first = reference_.size();
+    const auto add = [&](const std::array<Vec<dim>, dim>& corner)
+    { reference_.push_back({.corner = corner, .n = normal_of<dim>(corner), .wall = static_cast<int>(w)}); };
     if (g.plane)
     {
-      WallPiece<dim> piece;
-      piece.a = piece.b = leading<dim>(g.points.front());
+      WallPiece<dim> piece{.wall = static_cast<int>(w), .plane = true};
+      piece.corner.fill(leading<dim>(g.points.front()));
       piece.n = leading<dim>(g.normal) * (1.0 / norm(leading<dim>(g.normal)));
-      piece.wall = static_cast<int>(w);
-      piece.plane = true;
       reference_.push_back(piece);
       continue;
     }
@@ -63,31 +152,27 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
       const std::size_t n = g.points.size();
       if (n < 2)
         throw InputError("wall '" + g.name + "': a polyline needs at least two points");
-      const std::size_t segments = g.closed ? n : n - 1, first = reference_.size();
-      for (std::size_t k = 0; k < segments; ++k)
+      for (std::size_t k = 0; k < (g.closed ? n : n - 1); ++k)
       {
-        WallPiece<2> piece;
-        piece.a = leading<2>(g.points[k]);
-        piece.b = leading<2>(g.points[(k + 1) % n]);
-        if (!(norm(piece.b - piece.a) > 0.0))
+        if (g.points[k] == g.points[(k + 1) % n])
           throw InputError("wall '" + g.name + "': two successive points coincide");
-        piece.n = left_normal(piece.a, piece.b);
-        piece.wall = static_cast<int>(w);
-        reference_.push_back(piece);
-      }
-      // Past a concave corner (fluid inside the angle) a piece reaches on, so that nothing slips between two
-      // pieces.
-      for (std::size_t k = 0; k < segments; ++k)
-      {
-        if (k + 1 == segments && !g.closed)
-          break;
-        WallPiece<2>&p = reference_[first + k], &q = reference_[first + (k + 1) % segments];
-        if (dot(q.b - q.a, p.n) > 0.0)
-          p.reach_b = q.reach_a = 4.0 * spacing;
+        add({leading<2>(g.points[k]), leading<2>(g.points[(k + 1) % n])});
       }
     }
     else
-      throw InputError("wall '" + g.name + "': in 3-D a wall is a plane (point, normal)");
+    {
+      if (!g.box)
+        throw InputError("wall '" + g.name + "': in 3-D a wall is a plane (point, normal) or a box");
+      for (auto corner : box_triangles(leading<3>(g.points[0]), leading<3>(g.points[1])))
+      {
+        if (g.fluid_inside)
+          std::swap(corner[1], corner[2]);
+        add(corner);
+        reference_.back().face =
+            static_cast<int>(reference_.size() - 1 - (reference_.size() - 1 - first) % 2);
+      }
+    }
+    join<dim>({reference_.data() + first, reference_.size() - first}, spacing);
   }
   impulse_.assign(geometry.size(), {});
   pieces_ = before_ = reference_;
@@ -117,8 +202,8 @@ void Walls<dim>::move_to(double t)
     for (std::size_t i = 0; i < motion.displacement.size(); ++i)
       shift[static_cast<int>(i)] = motion.displacement[i](0.0, 0.0, 0.0, t);
     const Vec<dim> centre = leading<dim>(motion.centre);
-    pieces_[k].a = centre + turn(reference_[k].a - centre) + shift;
-    pieces_[k].b = centre + turn(reference_[k].b - centre) + shift;
+    for (std::size_t c = 0; c < dim; ++c)
+      pieces_[k].corner[c] = centre + turn(reference_[k].corner[c] - centre) + shift;
     pieces_[k].n = turn(reference_[k].n);
   }
 }
@@ -137,13 +222,8 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, double margin)
       const double d = piece.distance(x[n]);
       if (d > reach || d < -2.0 * spacing_)
         continue;
-      if (!piece.plane)
-      {
-        const Vec<dim> t = piece.b - piece.a;
-        const double length = norm(t), s = dot(x[n] - piece.a, t) / length;
-        if (s < -piece.reach_a - reach || s > length + piece.reach_b + reach)
-          continue;
-      }
+      if (piece.overhang(x[n], true) > reach)
+        continue;
       candidates_.push_back({static_cast<index_t>(n), static_cast<int>(k)});
     }
 }
@@ -154,39 +234,73 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
 {
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
   double work = 0.0;
-  // Candidates of one node are adjacent; three rounds settle a node between two or three pieces.
+  // Candidates of one node are adjacent. In each round the piece that is crossed least is corrected: on one
+  // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
+  // concave corner a few rounds settle it between two or three.
   for (std::size_t begin = 0; begin < candidates_.size();)
   {
     std::size_t end = begin;
     const auto n = static_cast<std::size_t>(candidates_[begin].node);
     while (end < candidates_.size() && candidates_[end].node == candidates_[begin].node)
       ++end;
-    for (int round = 0; round < 3; ++round)
+    for (int round = 0; round < 12; ++round)
     {
-      bool corrected = false;
+      const Vec<dim> x_end = x[n] + dt * v[n];
+      double least = std::numeric_limits<double>::lowest();
+      std::size_t k = 0;
       for (std::size_t c = begin; c < end; ++c)
       {
-        const auto k = static_cast<std::size_t>(candidates_[c].piece);
-        const Vec<dim> x_end = x[n] + dt * v[n];
-        const double d = pieces_[k].distance(x_end);
-        if (d >= 0.0 || !pieces_[k].covers(x_end) || before_[k].distance(x[n]) < -0.5 * spacing_)
+        const auto piece = static_cast<std::size_t>(candidates_[c].piece);
+        const double d = pieces_[piece].distance(x_end);
+        if (d >= -1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
+            before_[piece].distance(x[n]) < -0.25 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
-        const Vec<dim> dv = (-d / dt) * pieces_[k].n;
-        // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
-        // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
-        // has just kicked it.
-        work += 0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv);
-        impulse_[static_cast<std::size_t>(pieces_[k].wall)] -= m[n] * dv;
-        v[n] += dv;
-        a[n] += (1.0 / dt_mean) * dv;
-        corrected = true;
+        least = d;
+        k = piece;
       }
-      if (!corrected || end - begin == 1)
+      if (least == std::numeric_limits<double>::lowest())
+        break;
+      const WallPiece<dim>& wall = pieces_[k];
+      Vec<dim> dv = (-least / dt) * wall.n;
+      if (geometry_[static_cast<std::size_t>(wall.wall)].no_slip)
+        dv = velocity_of(k, x[n], dt) + (wall.distance(x[n] + dt * velocity_of(k, x[n], dt)) / -dt) * wall.n -
+             v[n];
+      // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
+      // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
+      // has just kicked it.
+      work += 0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv);
+      impulse_[static_cast<std::size_t>(wall.wall)] -= m[n] * dv;
+      v[n] += dv;
+      a[n] += (1.0 / dt_mean) * dv;
+      if (end - begin == 1)
         break;
     }
     begin = end;
   }
   return work;
+}
+
+/// Mean velocity over the last move of the point of piece k's wall that was at x.
+template <int dim>
+Vec<dim> Walls<dim>::velocity_of(std::size_t k, const Vec<dim>& x, double dt) const
+{
+  const WallPiece<dim>&from = before_[k], &to = pieces_[k];
+  Vec<dim> y = to.corner[0] + from.distance(x) * to.n;
+  if (from.plane)
+    return (1.0 / dt) * (y - from.corner[0] - from.distance(x) * from.n);
+  if constexpr (dim == 2)
+    y += (dot(x - from.corner[0], from.corner[1] - from.corner[0]) /
+          norm_squared(from.corner[1] - from.corner[0])) *
+         (to.corner[1] - to.corner[0]);
+  else
+  {
+    const Vec<3> s = from.corner[1] - from.corner[0], t = cross(from.n, s);
+    const double length = norm_squared(s);
+    const Vec<3> s_now = to.corner[1] - to.corner[0];
+    y += (dot(x - from.corner[0], s) / length) * s_now +
+         (dot(x - from.corner[0], t) / length) * cross(to.n, s_now);
+  }
+  return (1.0 / dt) * (y - x);
 }
 
 template <int dim>
@@ -196,16 +310,12 @@ std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) co
   std::size_t count = 0;
   for (std::size_t k = 0; k < pieces_.size() && count < found.size(); ++k)
   {
-    if (std::abs(pieces_[k].distance(x)) > tolerance)
+    if (std::abs(pieces_[k].distance(x)) > tolerance || pieces_[k].overhang(x, false) > tolerance)
       continue;
-    if (!pieces_[k].plane)
-    {
-      const Vec<dim> t = pieces_[k].b - pieces_[k].a;
-      const double length = norm(t), s = dot(x - pieces_[k].a, t) / length;
-      if (s < -tolerance || s > length + tolerance)
-        continue;
-    }
-    found[count++] = static_cast<int>(k);
+    const int face = pieces_[k].face >= 0 ? pieces_[k].face : static_cast<int>(k);
+    if (std::find(found.begin(), found.end(), face) != found.end())
+      continue;
+    found[count++] = face;
   }
   return found;
 }

@@ -38,23 +38,40 @@ struct WallGeometry
   bool closed = false;            ///< the last point is joined to the first
   bool plane = false;             ///< points[0] and `normal` define an unbounded plane
   std::array<double, 3> normal{}; ///< into the fluid
+  bool box = false;         ///< 3-D: points[0] and points[1] are the lowest and the highest corner of a box
+  bool fluid_inside = true; ///< of the box
+  bool no_slip = false;     ///< a node on the wall moves with it until it is pulled off
   WallMotion motion;
 };
 
-/// Flat pieces of all walls, at the present time.
+/// A plane surface of the domain.
+template <int dim>
+struct PlaneSurface
+{
+  std::string name;
+  Vec<dim> point;
+  Vec<dim> normal; ///< unit, outward
+};
+
+/// A flat piece of a wall at the present time: a segment, a triangle or an unbounded plane.
 template <int dim>
 struct WallPiece
 {
-  Vec<dim> a, b; ///< ends of a segment (2-D); a point of a plane is `a`
-  Vec<dim> n;    ///< unit, into the fluid
-  int wall = 0;  ///< index of the wall it belongs to
+  std::array<Vec<dim>, dim> corner{}; ///< of a plane only the first counts [m]
+  Vec<dim> n{};                       ///< unit, into the fluid
+  int wall = 0;                       ///< index of the wall it belongs to
   bool plane = false;
-  double reach_a = 0.0, reach_b = 0.0; ///< how far the piece extends past its ends [m]: past a concave
-                                       ///< corner, not past a convex one
+  int face = -1;                   ///< 3-D: first piece of the flat face this triangle is part of
+  std::array<double, dim> reach{}; ///< how far it extends past its end (2-D: at corner k) or edge (3-D:
+                                   ///< corner k to the next): past a concave one so that nothing slips
+                                   ///< between two pieces, not past a convex one [m]
 
-  double distance(const Vec<dim>& x) const { return dot(x - a, n); }
-  /// x projects onto the piece.
-  bool covers(const Vec<dim>& x) const;
+  /// Signed distance to the plane of the piece, positive on the fluid's side [m].
+  double distance(const Vec<dim>& x) const { return dot(x - corner[0], n); }
+  /// How far the projection of x lies outside the piece, its reach included or not; negative inside [m].
+  double overhang(const Vec<dim>& x, bool with_reach) const;
+  /// Distance of x to the piece itself [m].
+  double gap(const Vec<dim>& x) const;
 };
 
 template <int dim>
@@ -90,7 +107,7 @@ public:
     return moved_ > margin_;
   }
 
-  /// Pieces on which x lies within `tolerance`, at most three.
+  /// Pieces (flat faces in 3-D) on which x lies within `tolerance`, at most three.
   std::array<int, 3> pieces_at(const Vec<dim>& x, double tolerance) const;
 
   /// Impulse on each wall since the last reset_impulse [N s].
@@ -108,6 +125,8 @@ public:
   }
 
 private:
+  Vec<dim> velocity_of(std::size_t k, const Vec<dim>& x, double dt) const;
+
   struct Candidate
   {
     index_t node;

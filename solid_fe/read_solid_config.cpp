@@ -115,7 +115,8 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   if (mesh)
   {
     geometry.mesh_file = file.resolve(*mesh);
-    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "size_factor"})
+    for (const char* key :
+         {"width", "height", "depth", "origin", "element", "elements", "size_factor", "angle"})
       if (solid.has(key))
         solid.fail(key,
                    "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
@@ -130,6 +131,10 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   const auto n = static_cast<std::size_t>(dim);
   geometry.origin = solid.numbers({"origin", "m", "corner of the box with the smallest coordinates"}, n,
                                   std::vector<double>(n, 0.0), any_number());
+  geometry.angle =
+      solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
+                   any_number()) *
+      std::acos(-1.0) / 180.0;
   const double factor = solid.number(
       {"size_factor", "", "element size of the box relative to run.element_size"}, 1.0, positive());
   double count = 1.0;

@@ -42,8 +42,17 @@ Mesh<dim> make_mesh(const SolidConfig& config)
     throw InputError("solid.elements has " + std::to_string(geometry.elements.size()) +
                      " numbers: must have " + std::to_string(dim) + " in " + std::to_string(dim) + "-D");
   std::copy_n(geometry.elements.begin(), dim, counts.begin());
-  return box_mesh<dim>(to_vec<dim>(geometry.origin, "solid.origin"), to_vec<dim>(geometry.size, "solid box"),
-                       counts, geometry.element);
+  const Vec<dim> origin = to_vec<dim>(geometry.origin, "solid.origin");
+  Mesh<dim> mesh = box_mesh<dim>(origin, to_vec<dim>(geometry.size, "solid box"), counts, geometry.element);
+  const double c = std::cos(geometry.angle), s = std::sin(geometry.angle);
+  for (Vec<dim>& x : mesh.x)
+    if (geometry.angle != 0.0)
+    {
+      const Vec<dim> r = x - origin;
+      x[0] = origin[0] + c * r[0] - s * r[1];
+      x[1] = origin[1] + s * r[0] + c * r[1];
+    }
+  return mesh;
 }
 
 template Vec<2> to_vec<2>(const std::vector<double>&, const std::string&);

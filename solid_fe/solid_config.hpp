@@ -75,6 +75,7 @@ struct GeometryConfig
   ElementType element = ElementType::quadrilateral4;
   std::vector<double> origin, size; ///< of the box [m], dim numbers
   std::vector<int> elements;        ///< along each axis of the box, dim numbers
+  double angle = 0.0;               ///< the box is turned by this about its origin, in the x-y plane [rad]
 };
 
 struct SolidConfig

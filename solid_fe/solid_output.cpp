@@ -69,7 +69,8 @@ std::string text_of(const Vec<dim>& x)
   return text + ")";
 }
 
-/// Where a probe measures: nodes with weights that sum to 1, and words for the head of its file.
+/// Where a probe measures: nodes with weights that sum to 1 (to 0 if it is relative to a point), and words
+/// for the head of its file.
 struct ProbePlace
 {
   std::vector<index_t> nodes;
@@ -91,6 +92,14 @@ ProbePlace place_of(const ProbeConfig& probe, const Solid<dim>& solid)
                  std::to_string(solid.given_number()[static_cast<std::size_t>(node)]) + " at " +
                  text_of(solid.nodes().X[static_cast<std::size_t>(node)]) +
                  " m in the reference state, nearest to " + text_of(to_vec<dim>(probe.point, key)) + " m";
+    if (!probe.relative_to.empty())
+    {
+      const index_t other = nearest_node(solid, to_vec<dim>(probe.relative_to, key + ": relative_to"));
+      weight[other] -= 1.0;
+      definition += "; u, v and a relative to node " +
+                    std::to_string(solid.given_number()[static_cast<std::size_t>(other)]) + " at " +
+                    text_of(solid.nodes().X[static_cast<std::size_t>(other)]) + " m";
+    }
   }
   else
   {

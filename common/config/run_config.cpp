@@ -65,14 +65,21 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
   {
     ProbeConfig probe;
     probe.name = table.text({"name", "", "name of the file history/<name>.csv"});
-    probe.on = table.choice({"on", "", "side that is measured"}, {"fluid", "solid"});
+    probe.on = table.choice(
+        {"on", "", "side that is measured; interface: pressure of the link on the solid's surface"},
+        {"fluid", "solid", "interface"});
     probe.surface = table.text({"surface", "", "named surface over which the mean is taken"}, "");
+    probe.relative_to =
+        table.numbers({"relative_to", "m",
+                       "solid: material point whose u, v and a are subtracted, such as a clamp that moves"},
+                      table.has("relative_to") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
     probe.point = table.numbers(
         {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
         table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
     probe.radius = table.number(
         {"radius", "m",
-         "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node"},
+         "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node; "
+         "interface: size of the patch"},
         0.0, non_negative());
     probe.wall = table.text({"wall", "", "fluid: name of the wall whose force is measured"}, "");
     const Key quantity{"quantity", "", "what is measured, such as \"u\" or [\"p\", \"v\"]"};

@@ -52,7 +52,9 @@ struct ProbeConfig
   std::string name;          ///< of the CSV file
   std::string on;            ///< "fluid" or "solid"
   std::vector<double> point; ///< dim coordinates [m]; empty if the probe is on a surface
-  std::string surface;       ///< name of a surface; empty if the probe is at a point
+  std::vector<double>
+      relative_to;     ///< solid: another material point whose u, v and a are subtracted [m]; may be empty
+  std::string surface; ///< name of a surface; empty if the probe is at a point
   double radius =
       0.0; ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
   std::string wall;                ///< fluid: name of a wall whose force is measured

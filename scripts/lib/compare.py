@@ -18,10 +18,13 @@ REFERENCE_KEYS = {
     "measure": ("text", "required", "relative_L2: root mean square of the difference over that of the reference; "
                                     "period_of_minima: relative difference of the mean time between minima; "
                                     "final_value: relative difference of the last values; "
+                                    "above, below: largest violation of our curve >= (<=) factor * reference inside `window`, over the reference; "
                                     "peak, peak_time: largest value of our curve and its time, which must lie in `band`; "
                                     "shown: only drawn, for curves that are no truth for this model"),
     "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
     "band": ("2 numbers", "none", "smallest and largest acceptable peak or peak_time; the error is the distance to it over its middle"),
+    "factor": ("number", "1", "factor of the reference's values"),
+    "window": ("2 numbers", "all times", "times between which above and below are judged [s]"),
     "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
     "label": ("text", "the value's name", "name in the legend of the plot"),
     "add": ("tables", "none", "terms added to the reference, each with file, time, value and optionally factor and when"),
@@ -93,7 +96,7 @@ def interpolate(t, t_known, y_known):
 
 def reference_curve(case, reference, settings):
     table = read_csv(case.parent / reference["file"])
-    t, y = table[reference["time"]], table[reference["value"]].copy()
+    t, y = table[reference["time"]], reference.get("factor", 1.0) * table[reference["value"]]
     for term in reference.get("add", []):
         if applies(term, settings):
             other = read_csv(case.parent / term["file"])
@@ -134,10 +137,10 @@ def period(t, y):
     return (m[-1] - m[0]) / (len(m) - 1) if len(m) > 1 else float("nan")
 
 
-MEASURES = ("relative_L2", "period_of_minima", "final_value", "peak", "peak_time", "shown")
+MEASURES = ("relative_L2", "period_of_minima", "final_value", "above", "below", "peak", "peak_time", "shown")
 
 
-def measure(kind, t, y, t_ref, y_ref, band=None):
+def measure(kind, t, y, t_ref, y_ref, band=None, window=None):
     """(value, reference value, error) of one comparison."""
     end = min(t[-1], t_ref[-1])
     if kind == "relative_L2":
@@ -154,6 +157,14 @@ def measure(kind, t, y, t_ref, y_ref, band=None):
     if kind == "final_value":
         value, target = np.interp(end, t, y), np.interp(end, t_ref, y_ref)
         return value, target, abs(value / target - 1.0)
+    if kind in ("above", "below"):
+        first, last = window or (t_ref[0], end)
+        inside = (t >= first) & (t <= last)
+        if t[-1] < last - 1e-9 or not inside.any():
+            return float("nan"), float("nan"), float("nan")
+        ratio = y[inside] / interpolate(t[inside], t_ref, y_ref)
+        value = ratio.min() if kind == "above" else ratio.max()
+        return value, 1.0, max(0.0, 1.0 - value if kind == "above" else value - 1.0)
     if kind in ("peak", "peak_time"):
         value, target = (c[np.argmax(v)] if kind == "peak_time" else np.max(v) for c, v in ((t, y), (t_ref, y_ref)))
         low, high = band
@@ -181,7 +192,7 @@ def compare_all(case, settings, out):
         if not applies(reference, settings) or reference["measure"] == "shown":
             continue
         value, target, error = measure(reference["measure"], *our_curve(out, reference), *reference_curve(case, reference, settings),
-                                       reference.get("band"))
+                                       reference.get("band"), reference.get("window"))
         if not np.isfinite(error):  # a run that ends before its first period has none
             print(f"  {reference['name']:24s} {reference['measure']:18s} not measured: the run is too short for it")
             continue

@@ -127,16 +127,20 @@ class Picture:
 def draw_frames(picture, path, times=None, dpi=110):
     """Some frames side by side, wide domains below each other."""
     known = picture.times()
-    wide = picture.aspect > 1.5
+    wide, tall = picture.aspect > 3.0, picture.aspect < 0.8
     if times is None:
         times = known[sorted({round(k) for k in np.linspace(0, len(known) - 1, 4 if wide else 6)})]
     n = len(times)
-    if wide:
+    if not wide and not tall and n >= 3:
+        shape, size = (-(-n // 3), 3), (10.0, 2.2 + -(-n // 3) * (0.7 + 3.1 / picture.aspect))
+    elif wide:
         shape, size = (n, 1), (7.5, 1.3 + n * (0.35 + 7.0 / picture.aspect))
     else:
         each = max(1.1, 5.0 * picture.aspect)
         shape, size = (1, n), (min(24.0, 1.8 + n * (each + 0.25)), 6.2)
     figure, axes = plt.subplots(*shape, figsize=size, constrained_layout=True, squeeze=False, sharex=True, sharey=True)
+    for ax in axes.flat[n:]:
+        ax.set_axis_off()
     for ax, time in zip(axes.flat, times):
         mappables, shown = picture.draw(ax, time)
         ax.set_title(f"t = {shown:.3g} s", fontsize=10)

@@ -122,7 +122,7 @@ TEMPLATE_TEST_CASE_SIG(
     const double turned = 5e-5;
     CHECK(norm(moment<dim>(x_end[0], f[0]) + moment<dim>(x_end[1], f[1])) <=
           turned * largest * contact.report().touching);
-    auto after = contact.solid_now();
+    auto after = contact.solid();
     for (std::size_t k = 0; k < after.x.size(); ++k)
       CHECK(after.x[k] == Approx(x_end[Side::solid][k]).margin(1e-13));
     FacetSurface<dim> surface(

@@ -11,30 +11,12 @@
 
 using namespace undine;
 using namespace undine::fluid;
+using undine::test::front_of;
+using undine::test::hydraulic;
+using undine::test::tank;
 
 namespace
 {
-
-/// The `hydraulic` preset of the case file.
-FluidConfig hydraulic(double spacing, double sound_speed)
-{
-  FluidConfig config = undine::test::box_config<2>(spacing);
-  config.tait.B = 1000.0 * sound_speed * sound_speed / 7.0;
-  config.terms.bulk_linear = 0.05;
-  config.terms.residual = 0.1;
-  config.feedback_time = 100.0;
-  config.inertia_floor = 0.1;
-  config.remesh.shape.gap = 0.2;
-  return config;
-}
-
-WallGeometry tank(double width)
-{
-  WallGeometry wall;
-  wall.name = "tank";
-  wall.points = {{0.0, 20.0, 0.0}, {0.0, 0.0, 0.0}, {width, 0.0, 0.0}, {width, 20.0, 0.0}};
-  return wall;
-}
 
 struct Series
 {
@@ -58,15 +40,6 @@ struct Series
     return (crossing.back() - crossing.front()) / static_cast<double>(crossing.size() - 1);
   }
 };
-
-double front_of(const Fluid<2>& fluid)
-{
-  double front = -1e300;
-  for (std::size_t n = 0; n < fluid.nodes().x.size(); ++n)
-    if (!(fluid.nodes().flag[n] & isolated_node))
-      front = std::max(front, fluid.nodes().x[n][0]);
-  return front;
-}
 
 double standing_wave_period_error(int n)
 {

@@ -1,0 +1,104 @@
+// Runs random scenes of fluid and reports what fails: `stress_fluid FIRST_SEED COUNT STEPS`, a CSV row per
+// scene.
+#include "common/error.hpp"
+#include "common/time/step_ladder.hpp"
+#include "tests/fluid_pfem/random_scene.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+
+using namespace undine;
+using namespace undine::test;
+
+namespace
+{
+
+StressResult run(std::uint64_t seed, std::int64_t steps)
+{
+  StressResult result;
+  const RandomScene scene = random_scene(seed);
+  if (scene.config.shape == fluid::Shape::none)
+    return result;
+  const auto fail = [&](const std::string& what)
+  {
+    if (result.failure.empty())
+      result.failure = what;
+  };
+  try
+  {
+    fluid::Fluid<2> fluid(scene.config);
+    const StepLadder ladder;
+    const double first = fluid.critical_time_step(), M = fluid.mass(), start = fluid.energy().total(),
+                 g = std::hypot(scene.config.gravity[0], scene.config.gravity[1]),
+                 moving = fluid.energy().kinetic + M * g;
+    double dt = 0.0;
+    std::int64_t slow = 0;
+    result.nodes = fluid.nodes().size();
+    for (std::int64_t step = 0; step < steps && result.failure.empty(); ++step)
+    {
+      const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
+      if (remesh)
+        fluid.remesh();
+      if (remesh || step % 8 == 0)
+        dt = ladder.next(dt, fluid.critical_time_step());
+      fluid.predict(dt);
+      fluid.solve_free_motion(dt);
+      result.steps = step + 1;
+      result.slowest = std::min(result.slowest, dt / first);
+      slow = dt < first / 50.0 ? slow + 1 : 0;
+      if (slow > 100)
+        fail("stall");
+      if (step % 10 != 0)
+        continue;
+      const auto& nodes = fluid.nodes();
+      for (std::size_t n = 0; n < nodes.x.size(); ++n)
+      {
+        if (!(std::isfinite(nodes.x[n][0] + nodes.x[n][1] + nodes.v[n][0] + nodes.v[n][1] + nodes.p[n])))
+          fail("not finite");
+        result.behind_wall =
+            std::max(result.behind_wall, scene.behind(nodes.x[n]) / scene.config.element_size);
+      }
+      result.mass = std::max(result.mass, std::abs(fluid.mass() / M - 1.0));
+      const fluid::FluidEnergy e = fluid.energy();
+      result.energy = std::max(result.energy, (e.total() - start) / std::max(moving, 1e-300));
+    }
+    result.remeshes = fluid.remeshes();
+  }
+  catch (const std::exception& error)
+  {
+    fail(error.what());
+  }
+  if (result.behind_wall > 0.02)
+    fail("behind a wall");
+  if (result.mass > 1e-10)
+    fail("mass");
+  if (result.energy > 0.02)
+    fail("energy");
+  return result;
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+  const std::uint64_t first = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1;
+  const std::uint64_t count = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 20;
+  const std::int64_t steps = argc > 3 ? std::strtoll(argv[3], nullptr, 10) : 3000;
+  fmt::print("seed,nodes,steps,remeshes,slowest_step,behind_wall,mass,energy_rise,seconds,failure\n");
+  int failed = 0;
+  for (std::uint64_t seed = first; seed < first + count; ++seed)
+  {
+    const auto begin = std::chrono::steady_clock::now();
+    const StressResult r = run(seed, steps);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    failed += !r.failure.empty();
+    fmt::print("{},{},{},{},{:.3g},{:.3g},{:.2g},{:.3g},{:.2g},\"{}\"\n", seed, r.nodes, r.steps, r.remeshes,
+               r.slowest, r.behind_wall, r.mass, r.energy, seconds, r.failure);
+    std::fflush(stdout);
+  }
+  fmt::print("# {} of {} scenes failed\n", failed, count);
+  return failed > 0;
+}
