@@ -186,6 +186,28 @@ def check_all(lines, settings, environment):
     return 0
 
 
+def link_earlier(out):
+    """Links to what an earlier run left in `out`, until this one is known to be a run at all."""
+    earlier = out / ".earlier"
+    shutil.rmtree(earlier, ignore_errors=True)
+    earlier.mkdir()
+    for path in out.iterdir():
+        if path.suffix == ".json" or path.name in ("report.html", "view.py"):
+            os.link(path, earlier / path.name)
+        elif path.name in ("history", "plots", "checkpoints"):
+            shutil.copytree(path, earlier / path.name, copy_function=os.link)
+    return earlier
+
+
+def bring_back(out, earlier):
+    """After a mistake in the case: the folder as it was."""
+    for path in earlier.iterdir():
+        place = out / path.name
+        shutil.rmtree(place) if place.is_dir() else place.unlink(missing_ok=True)
+        path.rename(place)
+    earlier.rmdir()
+
+
 def collect_summary(out, programs, code, wall):
     """summary.json out of what each program left behind."""
     status = {0: "completed", 3: "stopped"}.get(code, "failed")
@@ -244,6 +266,7 @@ def main():
         return code
 
     out.mkdir(parents=True, exist_ok=True)
+    earlier = link_earlier(out)
     for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:
         old.unlink(missing_ok=True)
     for old in ("plots",) if args.restart else ("history", "plots", "checkpoints"):
@@ -253,6 +276,11 @@ def main():
     print(shlex.join(lines[0]), flush=True)
     begin = time.monotonic()
     code, heard = run_and_listen(lines[0], environment)
+    if code in (2, 4) and any(earlier.iterdir()):
+        bring_back(out, earlier)
+        print(f"the results of the earlier run in {out} are kept", file=sys.stderr)
+        return code
+    shutil.rmtree(earlier)
     summary = collect_summary(out, programs, code, time.monotonic() - begin)
     summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")

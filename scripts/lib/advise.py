@@ -45,7 +45,7 @@ def element_size(settings, part):
 def box_of(settings, part):
     """Corners of the built-in box of a part, or None if it has another shape."""
     table = settings.get(part, {})
-    if table.get("mesh") or table.get("shape", "box") != "box":
+    if table.get("mesh") or table.get("angle") or table.get("body") or table.get("shape", "box") != "box":
         return None
     dim = int(value_of(settings, "run.dimension") or 2)
     size = [number(table.get(key)) for key in ("width", "height", "depth")[:dim]]

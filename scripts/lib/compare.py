@@ -24,7 +24,7 @@ REFERENCE_KEYS = {
     "tolerance": ("number", "required", "the comparison passes if the error is at most this"),
     "band": ("2 numbers", "none", "smallest and largest acceptable peak or peak_time; the error is the distance to it over its middle"),
     "factor": ("number", "1", "factor of the reference's values"),
-    "window": ("2 numbers", "all times", "times between which above and below are judged [s]"),
+    "window": ("2 numbers", "all times", "times between which above, below and peaks are judged [s]"),
     "when": ("text or texts", "none", "conditions \"table.key = value\" that all must hold; else the reference is left out"),
     "label": ("text", "the value's name", "name in the legend of the plot"),
     "add": ("tables", "none", "terms added to the reference, each with file, time, value and optionally factor and when"),
@@ -166,6 +166,10 @@ def measure(kind, t, y, t_ref, y_ref, band=None, window=None):
         value = ratio.min() if kind == "above" else ratio.max()
         return value, 1.0, max(0.0, 1.0 - value if kind == "above" else value - 1.0)
     if kind in ("peak", "peak_time"):
+        first, last = window or (t[0], t[-1])
+        if t[-1] < last - 1e-9:
+            return float("nan"), float("nan"), float("nan")
+        (t, y), (t_ref, y_ref) = ((c[(c >= first) & (c <= last)], v[(c >= first) & (c <= last)]) for c, v in ((t, y), (t_ref, y_ref)))
         value, target = (c[np.argmax(v)] if kind == "peak_time" else np.max(v) for c, v in ((t, y), (t_ref, y_ref)))
         low, high = band
         return value, target, max(low - value, value - high, 0.0) / (0.5 * (low + high))

@@ -97,7 +97,8 @@ def draw_histories(case, settings, out):
             drawn.add(key)
             t_ref, y_ref = compare.reference_curve(case, reference, settings)
             every = max(1, len(t_ref) // 60)  # as points, so that both curves are seen where they agree
-            axes.plot(t_ref[::every], y_ref[::every], "o", color="black", markersize=4, markerfacecolor="none", label=reference.get("label", reference["value"]))
+            marker, colour = "os^vDP*X"[len(drawn) % 8 - 1], ("black", "tab:red", "tab:green", "tab:orange", "tab:purple")[len(drawn) % 5 - 1]
+            axes.plot(t_ref[::every], y_ref[::every], marker, color=colour, markersize=4, markerfacecolor="none", label=reference.get("label", reference["value"]))
         axes.plot(t, y, color="tab:blue", linewidth=1.4, label="Undine")
         axes.set_xlabel("t [s]")
         axes.set_ylabel(f"{history}: {column.replace('[', ' [')}")

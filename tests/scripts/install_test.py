@@ -40,6 +40,8 @@ class Installed(unittest.TestCase):
         self.assertTrue(summary["comparisons"][0]["pass"])
         for name in ("plots/interface_u_y.png", "plots/frames.png", "plots/animation.gif", "report.html", "view.py"):
             self.assertTrue((out / name).is_file(), name)
+        self.assertIn("are kept", self.call(prefix / "bin" / "undine", "elastic_column", "--set", "solid.densty=1", code=2))
+        self.assertEqual(json.loads((out / "summary.json").read_text()), summary)
         self.call(prefix / "bin" / "undine-plot", out, "--field", "velocity")
         self.assertIn("completed", self.call(prefix / "bin" / "undine-watch", out, "--once"))
         self.assertIn("no case 'nowhere'", self.call(prefix / "bin" / "undine", "nowhere", code=4))
