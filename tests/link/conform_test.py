@@ -23,6 +23,7 @@ def command(client, build, out):
         "plate_fortran": ([], [build / "bin" / "plate_fortran", "case.toml", "--out", out], 0),
         "plate_python": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate.py", "case.toml", "--out", out], 0),
         "plate_force": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate_force.py", "case.toml", "--out", out], 0),
+        "rigid_body": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "rigid_body.py", "case.toml", "--out", out], 0),
         "getfem": ([], ["/usr/bin/python3", getfem / "getfem_solid.py", getfem / "case.toml", "--out", out], 0),
         "solid_fe": (["--stall", "3"],
                      [build / "bin" / "solid_fe", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),

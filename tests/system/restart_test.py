@@ -110,6 +110,26 @@ class Restart(Scene):
     def test_a_plastic_solid_in_contact(self):
         self.restart_is_exact("taylor_bar")
 
+    def test_a_foreign_solid_that_can(self):
+        script = str(programs.ROOT / "scripts" / "run_case.py")
+        options = sets("coupling.scheme=staggered", 'solid.program=["python3","rigid_body.py"]', "run.t_end=0.004", "checkpoint.every=0.002",
+                       "checkpoint.keep=0", "output.every=0.001")
+        whole, again = self.folder / "whole", self.folder / "again"
+
+        def line(out, *more):
+            return [sys.executable, "-B", script, "swap_plate", "--out", str(out), "--no-plots", "--build", str(programs.BUILD), *options, *more]
+        self.complete(line(whole))
+        shutil.copytree(whole, again)
+        self.complete(line(again, "--restart", "000001"))
+        self.assertGreater(self.compare(whole, again), 10000)
+
+    def test_a_foreign_solid_that_cannot_is_told_at_the_start(self):
+        script = str(programs.ROOT / "scripts" / "run_case.py")
+        ended = self.complete([sys.executable, "-B", script, "swap_plate", "--out", str(self.out), "--no-plots", "--build", str(programs.BUILD),
+                               *sets("run.t_end=0.002", "checkpoint.every=0.001")])
+        self.assertEqual(ended.text.count("a restart is not possible: 'solid' says: this solver writes no checkpoints"), 1, ended.text)
+        self.assertEqual(list((self.out / "checkpoints").iterdir()), [])
+
 
 class Stop(Scene):
     """Orderly ends before t_end: code 3, and the run that continues is the one that was not stopped."""
