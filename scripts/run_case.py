@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -186,6 +187,32 @@ def check_all(lines, settings, environment):
     return 0
 
 
+def check_foreign(args, case, settings, programs, environment):
+    """HELLO, MESH and an orderly run of each foreign program, by undine-conform. Returns the exit code."""
+    binaries, _ = places(args.build)
+    code = 0
+    for program in (p for p in programs if p != "coupler" and settings[p].get("program")):
+        command = foreign_command(settings[program]["program"], case, binaries)
+        with tempfile.TemporaryDirectory(prefix="undine_check_") as out:
+            (Path(out) / "history").mkdir()
+            line = [str(binaries / "undine-conform"), "--role", program, "--dim", str(settings["run"].get("dimension", 2)), "--only", "rest"]
+            for interface in settings.get("interface", []):
+                line += ["--interface", interface["name"]]
+            line += ["--", *command, str(case), "--out", out, *(word for override in args.set for word in ("--set", override))]
+            result = subprocess.run(line, env=environment, capture_output=True, text=True)
+        rules = re.findall(r"^  (pass|FAIL)\s+\S+\s+(.*)$", result.stdout, re.MULTILINE)
+        broken = [rule for verdict, rule in rules if verdict == "FAIL"]
+        print(f"{program}: {' '.join(settings[program]['program'])}, a program of its own: hand-shake, surface and an orderly run keep "
+              f"{len(rules) - len(broken)} of {len(rules)} rules of docs/protocol.md")
+        for rule in broken:
+            print(f"error: {program}: {rule}; see undine-conform", file=sys.stderr)
+        if result.returncode != 0 or not rules:
+            code = 20
+            if not broken:
+                sys.stderr.write(result.stdout + result.stderr)
+    return code
+
+
 def link_earlier(out):
     """Links to what an earlier run left in `out`, until this one is known to be a run at all."""
     earlier = out / ".earlier"
@@ -259,7 +286,7 @@ def main():
     lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
-        code = check_all(lines, settings, environment)
+        code = check_all(lines, settings, environment) or check_foreign(args, case, settings, programs, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
             print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))

@@ -1,4 +1,5 @@
-// Fuzzing of what users give: the case file (UNDINE_FUZZ_CASE) and the mesh readers (UNDINE_FUZZ_GMSH, UNDINE_FUZZ_ABAQUS).
+// Fuzzing of what users give: the case file (UNDINE_FUZZ_CASE) and the mesh readers (UNDINE_FUZZ_GMSH,
+// UNDINE_FUZZ_ABAQUS).
 #include "common/config/coupling_config.hpp"
 #include "common/config/run_config.hpp"
 #include "common/error.hpp"
