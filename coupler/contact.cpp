@@ -92,6 +92,21 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
 {
   solid_mesh_ = solid;
   inverse_mass_[Side::solid] = solid.inverse_mass;
+  partner_.assign(static_cast<std::size_t>(solid.n_nodes()), -1);
+  partner_inverse_mass_.assign(solid.coupled_nodes.empty() ? 0 : solid.inverse_mass.size(), 0.0);
+  for (std::size_t p = 0; 2 * p < solid.coupled_nodes.size(); ++p)
+  {
+    const index_t a = solid.coupled_nodes[2 * p], b = solid.coupled_nodes[2 * p + 1];
+    partner_[static_cast<std::size_t>(a)] = b;
+    partner_[static_cast<std::size_t>(b)] = a;
+    for (std::size_t i = 0; i < dim; ++i)
+      for (std::size_t j = 0; j < dim; ++j)
+      {
+        const double w = solid.coupled_inverse_mass[(p * dim + i) * dim + j]; // of a per force on b
+        partner_inverse_mass_[(static_cast<std::size_t>(b) * dim + i) * dim + j] = w;
+        partner_inverse_mass_[(static_cast<std::size_t>(a) * dim + j) * dim + i] = w;
+      }
+  }
   before_ = after_ = FacetSurface<dim>(as_points(solid.x), solid.face_offset, solid.face_nodes);
   side_ = before_.patches(0.7); // 40 degrees
   dv_solid_.assign(before_.x().size(), {});
@@ -254,8 +269,14 @@ void UnilateralContact<dim>::solve(double dt)
   const auto push_solid = [&](const Row& row, double impulse)
   {
     for (std::size_t w = row.begin; w < row.end; ++w)
-      dv_solid_[static_cast<std::size_t>(weights_[w].node)] -=
-          (weights_[w].P * impulse) * product(inverse_mass_[Side::solid], weights_[w].node, row.n);
+    {
+      const auto n = static_cast<std::size_t>(weights_[w].node);
+      const double p = weights_[w].P * impulse;
+      dv_solid_[n] -= p * product(inverse_mass_[Side::solid], weights_[w].node, row.n);
+      if (partner_[n] >= 0)
+        dv_solid_[static_cast<std::size_t>(partner_[n])] -=
+            p * product(partner_inverse_mass_, weights_[w].node, row.n);
+    }
   };
   for (const Row& row : rows_)
     push_solid(row, row.impulse);

@@ -97,6 +97,10 @@ private:
   link::SurfaceMesh solid_mesh_;
   std::vector<Vec<dim>> x_; ///< of the fluid's nodes
   std::array<std::vector<double>, 2> inverse_mass_;
+  /// The node on the other face of a thin solid that a force on this one moves too, −1: none; and its
+  /// acceleration per force on this one [1/kg].
+  std::vector<index_t> partner_;
+  std::vector<double> partner_inverse_mass_;
   FacetSurface<dim> before_, after_; ///< the solid's surface at the step's begin and its trial end
   std::vector<index_t> candidates_, candidate_offset_; ///< facets near each fluid node, CSR
   double reach_ = 0.0, travelled_ = 0.0;

@@ -15,7 +15,8 @@ namespace undine::coupler
 namespace
 {
 
-SparseMatrix block_diagonal(const link::SurfaceMesh& surface)
+/// M⁻¹ of the wet nodes: a block per node, and two for each pair of nodes that move each other.
+SparseMatrix inverse_mass_of(const link::SurfaceMesh& surface)
 {
   const int dim = surface.dim;
   std::vector<Eigen::Triplet<double>> entries;
@@ -25,6 +26,19 @@ SparseMatrix block_diagonal(const link::SurfaceMesh& surface)
         if (const double w = surface.inverse_mass[static_cast<std::size_t>((n * dim + i) * dim + j)];
             w != 0.0)
           entries.emplace_back(n * dim + i, n * dim + j, w);
+  for (std::size_t p = 0; 2 * p < surface.coupled_nodes.size(); ++p)
+    for (int i = 0; i < dim; ++i)
+      for (int j = 0; j < dim; ++j)
+      {
+        const auto row = static_cast<int>(surface.coupled_nodes[2 * p]) * dim + i;
+        const auto column = static_cast<int>(surface.coupled_nodes[2 * p + 1]) * dim + j;
+        const double w =
+            surface.coupled_inverse_mass[(p * static_cast<std::size_t>(dim) + static_cast<std::size_t>(i)) *
+                                             static_cast<std::size_t>(dim) +
+                                         static_cast<std::size_t>(j)];
+        entries.emplace_back(row, column, w);
+        entries.emplace_back(column, row, w);
+      }
   SparseMatrix W(surface.n_nodes() * dim, surface.n_nodes() * dim);
   W.setFromTriplets(entries.begin(), entries.end());
   return W;
@@ -145,7 +159,7 @@ InterfaceOperator Interface::build()
     x_built_[s] = surface_[s].x;
     side[s].L = SparseMatrix(rows.count, surface_[s].n_nodes() * surface_[s].dim);
     side[s].L.setFromTriplets(rows.entries[s].begin(), rows.entries[s].end());
-    side[s].inverse_mass = block_diagonal(surface_[s]);
+    side[s].inverse_mass = inverse_mass_of(surface_[s]);
   }
   ++builds_;
   return {std::move(side[Side::fluid]), std::move(side[Side::solid])};

@@ -26,7 +26,7 @@ inline Side other(Side side) { return side == Side::fluid ? Side::solid : Side::
 struct InterfaceSide
 {
   SparseMatrix L;            ///< multipliers × (nodes · dim), includes the sign
-  SparseMatrix inverse_mass; ///< (nodes · dim)², block diagonal [1/kg]
+  SparseMatrix inverse_mass; ///< (nodes · dim)², nearly block diagonal [1/kg]
 };
 
 /// H with weights α = Δt/2 of each side (velocity continuity), or α = 1 (accelerations and impulses).

@@ -5,54 +5,68 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace undine::solid
 {
 
 Beam::Beam(const BeamConfig& config)
-    : thickness_(config.thickness), density_(config.material.density), step_safety_(config.step_safety),
-      gravity_(config.gravity), X_(config.X)
+    : step_safety_(config.step_safety), gravity_(config.gravity), X_(config.X), arm_(config.arm)
 {
-  if (!(thickness_ > 0.0) || !(density_ > 0.0) || !(config.material.youngs_modulus > 0.0))
-    throw InputError("beam: thickness, density and Young's modulus must be positive");
-  const double nu = config.material.poisson_ratio;
-  const double modulus = config.material.youngs_modulus / (1.0 - nu * nu);
-  const double shear_modulus = 0.5 * config.material.youngs_modulus / (1.0 + nu);
-  membrane_ = modulus * thickness_;
-  shear_ = 5.0 / 6.0 * shear_modulus * thickness_;
-  bending_ = modulus * std::pow(thickness_, 3) / 12.0;
+  const auto& material = config.material;
+  const double density = material.density, nu = material.poisson_ratio;
+  if (!(density > 0.0) || !(material.youngs_modulus > 0.0))
+    throw InputError("beam: density and Young's modulus must be positive");
+  const double modulus =
+      config.plane_stress ? material.youngs_modulus : material.youngs_modulus / (1.0 - nu * nu);
+  const double shear_modulus = 0.5 * material.youngs_modulus / (1.0 + nu);
+  wave_speed_ = std::sqrt(modulus / density);
+  // Energy ½ L [E'h (Δu/L)² + ⅚Gh (Δw/L − θ)² + E'h³/12 (Δθ/L)²] with (a − b)² ≤ (1 + s) a² + (1 + 1/s) b²
+  // and s such that deflections are no stiffer than the membrane.
+  const double s = modulus / (5.0 / 6.0 * shear_modulus) - 1.0;
+  if (!(s > 0.0))
+    throw InputError("beam: with the Poisson ratio " + std::to_string(nu) +
+                     " shear is stiffer than the membrane, which the rotary inertia is not made for");
 
   const auto n = X_.size();
-  for (auto* field : {&normal_, &u_, &v_, &a_, &F_, &inverse_mass_, &load_})
+  std::vector<Vec<2>> normal(n);
+  for (auto* field : {&u_, &v_, &a_, &F_, &inverse_mass_, &load_})
     field->assign(n, Vec<2>{});
   for (auto* field : {&theta_, &omega_, &alpha_, &M_, &inverse_inertia_, &load_moment_, &m_, &J_})
     field->assign(n, 0.0);
 
   double physical = 0.0, total = 0.0;
-  for (const auto& [a, b] : config.elements)
+  for (std::size_t k = 0; k < config.elements.size(); ++k)
   {
+    const auto [a, b] = config.elements[k];
     const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
     const auto edge = X_[j] - X_[i];
     const double L = norm(edge);
+    const double h = config.element_thickness.empty() ? config.thickness : config.element_thickness[k];
     if (!(L > 0.0))
       throw InputError("beam: the element from node " + std::to_string(a) + " to " + std::to_string(b) +
                        " has no length");
-    elements_.push_back({{i, j}, L, std::atan2(edge[1], edge[0])});
-    // Energy ½ L [E'h (Δu/L)² + ⅚Gh (Δw/L − θ)² + E'h³/12 (Δθ/L)²] with (a − b)² ≤ (1 + s) a² + (1 + 1/s) b²
-    // and s such that deflections are no stiffer than the membrane leaves, for each node, ½ θ² times this:
-    const double s = membrane_ / shear_ - 1.0;
-    const double stiffness = 0.5 * shear_ * L * (1.0 + 1.0 / s) + 2.0 * bending_ / L;
-    const double omega2 = 4.0 * membrane_ / (density_ * thickness_ * L * L); // of the membrane
-    const double own = 0.5 * density_ * L * std::pow(thickness_, 3) / 12.0;
+    if (!(h > 0.0))
+      throw InputError("beam: the thickness must be positive");
+    const Element e{{i, j},
+                    L,
+                    std::atan2(edge[1], edge[0]),
+                    h,
+                    modulus * h,
+                    5.0 / 6.0 * shear_modulus * h,
+                    modulus * std::pow(h, 3) / 12.0};
+    elements_.push_back(e);
+    // What is left for each node is ½ θ² times this:
+    const double stiffness = 0.5 * e.shear * L * (1.0 + 1.0 / s) + 2.0 * e.bending / L;
+    const double omega2 = 4.0 * e.membrane / (density * h * L * L); // of the membrane
+    const double own = 0.5 * density * L * std::pow(h, 3) / 12.0;
     const double needed = std::max(own, stiffness / omega2);
     physical += 2.0 * own;
     total += 2.0 * needed;
     for (const auto node : {i, j})
     {
-      m_[node] += 0.5 * density_ * thickness_ * L;
+      m_[node] += 0.5 * density * h * L;
       J_[node] += needed;
-      normal_[node] += Vec<2>{{-edge[1], edge[0]}};
+      normal[node] += Vec<2>{{-edge[1], edge[0]}};
     }
   }
   added_inertia_ = 1.0 - physical / total;
@@ -60,7 +74,8 @@ Beam::Beam(const BeamConfig& config)
   {
     if (!(m_[k] > 0.0))
       throw InputError("beam: node " + std::to_string(k) + " belongs to no element");
-    normal_[k] *= 1.0 / norm(normal_[k]);
+    if (config.arm.empty())
+      arm_.push_back((0.5 * config.thickness / norm(normal[k])) * normal[k]);
     const auto fixed = config.fixed.empty() ? std::array<bool, 3>{} : config.fixed[k];
     for (int i = 0; i < 2; ++i)
       inverse_mass_[k][i] = fixed[static_cast<std::size_t>(i)] ? 0.0 : 1.0 / m_[k];
@@ -69,89 +84,131 @@ Beam::Beam(const BeamConfig& config)
   solve_free_motion(0.0);
 }
 
-Beam::Strain Beam::strain(const Element& e) const
+Beam::Strain Beam::strain(const Element& e, std::span<const Vec<2>> u, std::span<const double> theta) const
 {
   const auto [i, j] = e.node;
-  const double angle = e.angle + 0.5 * (theta_[i] + theta_[j]);
+  const double angle = e.angle + 0.5 * (theta[i] + theta[j]);
   const Vec<2> t{{std::cos(angle), std::sin(angle)}}, n{{-t[1], t[0]}};
   // x' = X' + u': ε from t·u' and t·X' − 1 = −2 sin²(θ/2), without a difference of numbers near 1.
-  const auto du = (1.0 / e.length) * (u_[j] - u_[i]);
-  const double half = 0.25 * (theta_[i] + theta_[j]);
+  const auto du = (1.0 / e.length) * (u[j] - u[i]);
+  const double half = 0.25 * (theta[i] + theta[j]);
   return {t, n, dot(t, du) - 2.0 * std::sin(half) * std::sin(half), dot(n, du) - std::sin(2.0 * half),
-          (theta_[j] - theta_[i]) / e.length};
+          (theta[j] - theta[i]) / e.length};
 }
 
-void Beam::add_internal_force()
+void Beam::internal_force_at(std::span<const Vec<2>> u, std::span<const double> theta, std::span<Vec<2>> F,
+                             std::span<double> moment) const
 {
   for (const auto& e : elements_)
   {
     const auto [i, j] = e.node;
-    const auto strains = strain(e);
-    const double N = membrane_ * strains.epsilon, Q = shear_ * strains.gamma, M = bending_ * strains.kappa;
-    const auto f = N * strains.t + Q * strains.n; // on the end b, and against it on a
-    F_[i] += f;
-    F_[j] -= f;
+    const auto strains = strain(e, u, theta);
+    const double N = e.membrane * strains.epsilon, Q = e.shear * strains.gamma, M = e.bending * strains.kappa;
+    const auto f = N * strains.t + Q * strains.n; // against the end b, and along it on a
+    F[i] -= f;
+    F[j] += f;
     // ∂ε/∂θ = γ, ∂γ/∂θ = −(1 + ε), half of it at each node
     const double turn = 0.5 * e.length * (N * strains.gamma - Q * (1.0 + strains.epsilon));
-    M_[i] -= turn - M;
-    M_[j] -= turn + M;
+    moment[i] += turn - M;
+    moment[j] += turn + M;
   }
 }
 
 void Beam::predict(double dt)
 {
+  predict_velocity(dt);
+  predict_position(dt);
+}
+
+void Beam::predict_velocity(double dt)
+{
   const double half = 0.5 * dt;
   for (std::size_t k = 0; k < u_.size(); ++k)
   {
     v_[k] += half * a_[k];
-    u_[k] += dt * v_[k];
     omega_[k] += half * alpha_[k];
+  }
+}
+
+void Beam::predict_position(double dt)
+{
+  for (std::size_t k = 0; k < u_.size(); ++k)
+  {
+    u_[k] += dt * v_[k];
     theta_[k] += dt * omega_[k];
   }
   time_ += dt;
 }
 
-void Beam::solve_free_motion(double dt)
+void Beam::solve_free_motion(double dt, std::span<const std::array<Vec<2>, 2>> face_force)
 {
+  std::fill(F_.begin(), F_.end(), Vec<2>{});
+  std::fill(M_.begin(), M_.end(), 0.0);
+  internal_force_at(u_, theta_, F_, M_);
   for (std::size_t k = 0; k < u_.size(); ++k)
   {
-    F_[k] = load_[k] + m_[k] * gravity_ - (damping_ * m_[k]) * v_[k];
-    M_[k] = load_moment_[k] - damping_ * J_[k] * omega_[k];
+    F_[k] = load_[k] + m_[k] * gravity_ - (damping_ * m_[k]) * v_[k] - F_[k];
+    M_[k] = load_moment_[k] - damping_ * J_[k] * omega_[k] - M_[k];
+    if (!face_force.empty())
+      for (const auto face : both_faces)
+      {
+        const auto& f = face_force[k][static_cast<std::size_t>(face)];
+        const auto r = arm(face, k);
+        F_[k] += f;
+        M_[k] += r[0] * f[1] - r[1] * f[0];
+      }
   }
-  add_internal_force();
+  drop_face_forces();
+  for (std::size_t k = 0; k < u_.size(); ++k)
+  {
+    v_[k] += (0.5 * dt) * a_[k];
+    omega_[k] += 0.5 * dt * alpha_[k];
+  }
+}
+
+void Beam::drop_face_forces()
+{
   for (std::size_t k = 0; k < u_.size(); ++k)
   {
     for (int i = 0; i < 2; ++i)
       a_[k][i] = inverse_mass_[k][i] * F_[k][i];
     alpha_[k] = inverse_inertia_[k] * M_[k];
-    v_[k] += (0.5 * dt) * a_[k];
-    omega_[k] += 0.5 * dt * alpha_[k];
   }
 }
 
 Vec<2> Beam::arm(BeamFace face, std::size_t node) const
 {
   const double c = std::cos(theta_[node]), s = std::sin(theta_[node]);
-  const auto& n = normal_[node];
-  const double side = face == BeamFace::left ? 0.5 * thickness_ : -0.5 * thickness_;
-  return {{side * (c * n[0] - s * n[1]), side * (s * n[0] + c * n[1])}};
+  const auto& r = arm_[node];
+  const double side = face == BeamFace::left ? 1.0 : -1.0;
+  return {{side * (c * r[0] - s * r[1]), side * (s * r[0] + c * r[1])}};
 }
 
-void Beam::add_face_force(BeamFace face, std::span<const Vec<2>> f, double dt)
+void Beam::add_face_force(BeamFace face, std::size_t k, const Vec<2>& f, double dt)
 {
-  for (std::size_t k = 0; k < f.size(); ++k)
-  {
-    const auto r = arm(face, k);
-    const double alpha = inverse_inertia_[k] * (r[0] * f[k][1] - r[1] * f[k][0]);
-    for (int i = 0; i < 2; ++i)
-    {
-      const double a = inverse_mass_[k][i] * f[k][i];
-      a_[k][i] += a;
-      v_[k][i] += 0.5 * dt * a;
-    }
-    alpha_[k] += alpha;
-    omega_[k] += 0.5 * dt * alpha;
-  }
+  add_face_impulse(face, k, (0.5 * dt) * f);
+  const auto r = arm(face, k);
+  for (int i = 0; i < 2; ++i)
+    a_[k][i] += inverse_mass_[k][i] * f[i];
+  alpha_[k] += inverse_inertia_[k] * (r[0] * f[1] - r[1] * f[0]);
+}
+
+void Beam::add_face_impulse(BeamFace face, std::size_t k, const Vec<2>& p)
+{
+  const auto r = arm(face, k);
+  for (int i = 0; i < 2; ++i)
+    v_[k][i] += inverse_mass_[k][i] * p[i];
+  omega_[k] += inverse_inertia_[k] * (r[0] * p[1] - r[1] * p[0]);
+}
+
+void Beam::set_velocity(std::size_t node, int component, double v)
+{
+  (component == 2 ? omega_[node] : v_[node][component]) = v;
+}
+
+bool Beam::is_fixed(std::size_t node, int component) const
+{
+  return (component == 2 ? inverse_inertia_[node] : inverse_mass_[node][component]) == 0.0;
 }
 
 void Beam::set_load(index_t node, const Vec<2>& force, double moment)
@@ -171,50 +228,59 @@ void Beam::set_motion(std::span<const Vec<2>> u, std::span<const double> theta, 
   solve_free_motion(0.0);
 }
 
-std::vector<Vec<2>> Beam::face_position(BeamFace face) const
+Vec<2> Beam::face_position(BeamFace face, std::size_t k) const { return X_[k] + u_[k] + arm(face, k); }
+
+Vec<2> Beam::face_velocity(BeamFace face, std::size_t k) const
 {
-  std::vector<Vec<2>> x;
-  for (std::size_t k = 0; k < X_.size(); ++k)
-    x.push_back(X_[k] + u_[k] + arm(face, k));
-  return x;
+  const auto r = arm(face, k);
+  return v_[k] + omega_[k] * Vec<2>{{-r[1], r[0]}};
 }
 
-std::vector<Vec<2>> Beam::face_velocity(BeamFace face) const
+Vec<2> Beam::face_acceleration(BeamFace face, std::size_t k) const
 {
-  std::vector<Vec<2>> v;
-  for (std::size_t k = 0; k < X_.size(); ++k)
-  {
-    const auto r = arm(face, k);
-    v.push_back(v_[k] + omega_[k] * Vec<2>{{-r[1], r[0]}});
-  }
-  return v;
+  const auto r = arm(face, k);
+  return a_[k] + alpha_[k] * Vec<2>{{-r[1], r[0]}} - (omega_[k] * omega_[k]) * r;
 }
 
-std::vector<Mat<2>> Beam::face_inverse_mass(BeamFace face) const
+Mat<2> Beam::face_inverse_mass(BeamFace moved, BeamFace pushed, std::size_t k) const
 {
-  std::vector<Mat<2>> inverse;
-  for (std::size_t k = 0; k < X_.size(); ++k)
+  const auto turned = [&](BeamFace face)
   {
     const auto r = arm(face, k);
-    const Vec<2> turned{{-r[1], r[0]}};
-    auto block = inverse_inertia_[k] * outer(turned, turned);
-    for (int i = 0; i < 2; ++i)
-      block(i, i) += inverse_mass_[k][i];
-    inverse.push_back(block);
-  }
-  return inverse;
+    return Vec<2>{{-r[1], r[0]}};
+  };
+  auto block = inverse_inertia_[k] * outer(turned(moved), turned(pushed));
+  for (int i = 0; i < 2; ++i)
+    block(i, i) += inverse_mass_[k][i];
+  return block;
+}
+
+double Beam::highest_frequency_squared() const
+{
+  double omega = 0.0;
+  for (const auto& e : elements_) // stretched by 1 + ε the moments grow with it: Q acts on the arm (1 + ε) L
+    omega = std::max(omega, 2.0 * std::max(1.0, 1.0 + strain(e).epsilon) * wave_speed_ / e.length);
+  return omega * omega;
 }
 
 double Beam::critical_time_step() const
 {
-  double dt = std::numeric_limits<double>::infinity();
-  for (const auto& e : elements_)
-  {
-    // Stretched by 1 + ε the moments grow with it: Q acts on the arm (1 + ε) L.
-    const double stretch = std::max(1.0, 1.0 + strain(e).epsilon);
-    dt = std::min(dt, e.length / (stretch * std::sqrt(membrane_ / (density_ * thickness_))));
-  }
-  return step_safety_ * dt;
+  return step_safety_ * 2.0 / std::sqrt(highest_frequency_squared());
+}
+
+BeamSection Beam::section(std::size_t element) const
+{
+  const auto& e = elements_[element];
+  const auto s = strain(e);
+  const auto [i, j] = e.node;
+  return {s.t,
+          s.n,
+          e.membrane * s.epsilon,
+          e.shear * s.gamma,
+          e.bending * s.kappa,
+          e.thickness,
+          1.0 + s.epsilon,
+          0.5 * (X_[i] + u_[i] + X_[j] + u_[j])};
 }
 
 double Beam::kinetic_energy() const
@@ -231,8 +297,9 @@ double Beam::strain_energy() const
   for (const auto& e : elements_)
   {
     const auto s = strain(e);
-    energy += 0.5 * e.length *
-              (membrane_ * s.epsilon * s.epsilon + shear_ * s.gamma * s.gamma + bending_ * s.kappa * s.kappa);
+    energy +=
+        0.5 * e.length *
+        (e.membrane * s.epsilon * s.epsilon + e.shear * s.gamma * s.gamma + e.bending * s.kappa * s.kappa);
   }
   return energy;
 }

@@ -1,4 +1,4 @@
-// Penalty contact: walls, broad phase on a grid, narrow phase, forces.
+// Contact: walls, broad phase on a grid, narrow phase, penalty forces and exact impulses.
 #include "solid_fe/contact.hpp"
 
 #include "common/error.hpp"
@@ -18,7 +18,8 @@ namespace
 /// a trifle.
 constexpr double overhang = 0.05;
 constexpr double stick_fraction =
-    0.1; ///< share of the tangential velocity that friction may stop in one step
+    0.1;                         ///< share of the tangential velocity that friction may stop in one step
+constexpr int most_sweeps = 500; ///< of Gauss-Seidel over the touches
 
 /// Friction force against `v` [m/s] under the normal force p [N] of a contact with effective mass `mass`
 /// [kg].
@@ -83,7 +84,8 @@ std::vector<std::array<std::size_t, dim>> straight_pieces(const Surface& surface
 template <int dim>
 Contact<dim>::Contact(const SolidConfig& config, const Mesh<dim>& mesh, const SolidNodes<dim>& nodes,
                       double omega2)
-    : omega2_(omega2), stiffness_(config.contact_stiffness)
+    : by_impulse_(config.contact_method == ContactMethod::impulse), omega2_(omega2),
+      stiffness_(config.contact_stiffness)
 {
   const auto boundary = boundary_of(mesh);
   for (std::size_t k = 0; k < config.wall.size(); ++k)
@@ -111,6 +113,7 @@ Contact<dim>::Contact(const SolidConfig& config, const Mesh<dim>& mesh, const So
               .facets = {},
               .friction = entry.friction,
               .skin = 0.0,
+              .members = {},
               .x_at_search = {},
               .candidates = {}};
     for (const index_t n : find_nodes(mesh, entry.nodes, key + ".nodes"))
@@ -122,11 +125,21 @@ Contact<dim>::Contact(const SolidConfig& config, const Mesh<dim>& mesh, const So
         shortest = std::min(shortest, norm(nodes.X[facet[a]] - nodes.X[facet[(a + 1) % dim]]));
     pair.skin = 0.5 * shortest;
     pair.candidates.resize(pair.slaves.size());
+    pair.members = pair.slaves;
+    for (const auto& facet : pair.facets)
+      pair.members.insert(pair.members.end(), facet.begin(), facet.end());
+    std::sort(pair.members.begin(), pair.members.end());
+    pair.members.erase(std::unique(pair.members.begin(), pair.members.end()), pair.members.end());
     pairs_.push_back(std::move(pair));
   }
   // A wall adds k/m = stiffness ω² at its nodes. A pair adds at most k (1/m_s + Σ N²/m) with k made from the
   // smallest mass, times the contacts that share a node: three along a line of equal meshes, four times as
   // many on a surface.
+  if (by_impulse_)
+  {
+    v_next_.resize(nodes.X.size());
+    return;
+  }
   if (!walls_.empty())
     added_frequency2_ = stiffness_ * omega2_;
   if (!pairs_.empty())
@@ -134,9 +147,15 @@ Contact<dim>::Contact(const SolidConfig& config, const Mesh<dim>& mesh, const So
 }
 
 template <int dim>
-void Contact<dim>::add_force(const SolidNodes<dim>& nodes, double dt, std::span<Vec<dim>> F)
+void Contact<dim>::add_force(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
+                             std::span<Vec<dim>> F)
 {
   stored_ = 0.0;
+  if (by_impulse_)
+  {
+    add_impulses(nodes, dt, F_free, F);
+    return;
+  }
   push_from_walls(nodes, dt, F);
   for (auto& pair : pairs_)
     push_from_facets(pair, nodes, dt, F);
@@ -169,19 +188,20 @@ template <int dim>
 void Contact<dim>::search(Pair& pair, const SolidNodes<dim>& nodes)
 {
   ++searches_;
-  pair.x_at_search.resize(nodes.X.size());
-  for (std::size_t n = 0; n < nodes.X.size(); ++n)
-    pair.x_at_search[n] = nodes.X[n] + nodes.u[n];
+  std::vector<Vec<dim>> x(nodes.X.size());
+  pair.x_at_search.clear();
+  for (const auto n : pair.members)
+    pair.x_at_search.push_back(x[n] = nodes.X[n] + nodes.u[n]);
   const double reach = 2.0 * pair.skin;
   double largest = reach;
   const auto box = [&](const Facet& facet)
   {
-    std::array<Vec<dim>, 2> bounds{pair.x_at_search[facet[0]], pair.x_at_search[facet[0]]};
+    std::array<Vec<dim>, 2> bounds{x[facet[0]], x[facet[0]]};
     for (const auto n : facet)
       for (int i = 0; i < dim; ++i)
       {
-        bounds[0][i] = std::min(bounds[0][i], pair.x_at_search[n][i]);
-        bounds[1][i] = std::max(bounds[1][i], pair.x_at_search[n][i]);
+        bounds[0][i] = std::min(bounds[0][i], x[n][i]);
+        bounds[1][i] = std::max(bounds[1][i], x[n][i]);
       }
     for (int i = 0; i < dim; ++i)
     {
@@ -233,8 +253,8 @@ void Contact<dim>::search(Pair& pair, const SolidNodes<dim>& nodes)
   {
     auto& near = pair.candidates[s];
     near.clear();
-    const auto& x = pair.x_at_search[pair.slaves[s]];
-    const auto found = grid.find(cell_of(x));
+    const auto& at = x[pair.slaves[s]];
+    const auto found = grid.find(cell_of(at));
     if (found == grid.end())
       continue;
     for (const auto f : found->second)
@@ -243,7 +263,7 @@ void Contact<dim>::search(Pair& pair, const SolidNodes<dim>& nodes)
       const auto [low, high] = box(facet);
       bool inside = std::find(facet.begin(), facet.end(), pair.slaves[s]) == facet.end();
       for (int i = 0; i < dim; ++i)
-        inside = inside && x[i] >= low[i] && x[i] <= high[i];
+        inside = inside && at[i] >= low[i] && at[i] <= high[i];
       if (inside)
         near.push_back(f);
     }
@@ -251,57 +271,191 @@ void Contact<dim>::search(Pair& pair, const SolidNodes<dim>& nodes)
 }
 
 template <int dim>
+void Contact<dim>::search_if_moved(Pair& pair, const SolidNodes<dim>& nodes)
+{
+  double moved2 = pair.x_at_search.empty() ? std::numeric_limits<double>::infinity() : 0.0;
+  for (std::size_t k = 0; k < pair.x_at_search.size(); ++k)
+  {
+    const auto n = pair.members[k];
+    moved2 = std::max(moved2, norm_squared(nodes.X[n] + nodes.u[n] - pair.x_at_search[k]));
+  }
+  if (!(moved2 < 0.25 * pair.skin * pair.skin))
+    search(pair, nodes);
+}
+
+/// The facet nearest to slave `s` among those it is in front of or behind by a gap between the bounds [m].
+template <int dim>
+std::optional<typename Contact<dim>::Touch> Contact<dim>::touch_of(const Pair& pair, std::size_t s,
+                                                                   const SolidNodes<dim>& nodes,
+                                                                   double least_gap, double largest_gap) const
+{
+  const auto slave = pair.slaves[s];
+  const auto x = nodes.X[slave] + nodes.u[slave];
+  std::optional<Touch> touch;
+  for (const auto f : pair.candidates[s])
+  {
+    std::array<Vec<dim>, dim> corner;
+    for (std::size_t a = 0; a < dim; ++a)
+      corner[a] = nodes.X[pair.facets[f][a]] + nodes.u[pair.facets[f][a]];
+    std::array<double, dim> weight{};
+    Vec<dim> outward;
+    double distance = 0.0;
+    if (project(corner, x, weight, outward, distance) && distance < largest_gap && distance > least_gap &&
+        (!touch || std::abs(distance) < std::abs(touch->gap)))
+      touch = Touch{.slave = slave,
+                    .facet = &pair.facets[f],
+                    .wall = nullptr,
+                    .weight = weight,
+                    .normal = outward,
+                    .gap = distance,
+                    .friction = pair.friction};
+  }
+  return touch;
+}
+
+template <int dim>
 void Contact<dim>::push_from_facets(Pair& pair, const SolidNodes<dim>& nodes, double dt,
                                     std::span<Vec<dim>> F)
 {
-  double moved2 = pair.x_at_search.empty() ? std::numeric_limits<double>::infinity() : 0.0;
-  for (std::size_t n = 0; n < pair.x_at_search.size(); ++n)
-    moved2 = std::max(moved2, norm_squared(nodes.X[n] + nodes.u[n] - pair.x_at_search[n]));
-  if (!(moved2 < 0.25 * pair.skin * pair.skin))
-    search(pair, nodes);
-
+  search_if_moved(pair, nodes);
   for (std::size_t s = 0; s < pair.slaves.size(); ++s)
   {
-    const auto slave = pair.slaves[s];
-    const auto x = nodes.X[slave] + nodes.u[slave];
-    double shallowest = pair.skin;
-    const Facet* touched = nullptr;
-    std::array<double, dim> weight{};
-    Vec<dim> normal;
-    for (const auto f : pair.candidates[s])
-    {
-      std::array<Vec<dim>, dim> corner;
-      for (std::size_t a = 0; a < dim; ++a)
-        corner[a] = nodes.X[pair.facets[f][a]] + nodes.u[pair.facets[f][a]];
-      std::array<double, dim> w{};
-      Vec<dim> outward;
-      double distance = 0.0;
-      if (project(corner, x, w, outward, distance) && distance < 0.0 && -distance < shallowest)
-      {
-        shallowest = -distance;
-        touched = &pair.facets[f];
-        weight = w;
-        normal = outward;
-      }
-    }
-    if (touched == nullptr)
+    const auto touch = touch_of(pair, s, nodes, -pair.skin, 0.0);
+    if (!touch)
       continue;
+    const auto slave = touch->slave;
     double smallest = nodes.m[slave], inverse = 1.0 / nodes.m[slave];
     auto v = nodes.v[slave];
     for (std::size_t a = 0; a < dim; ++a)
     {
-      const auto n = (*touched)[a];
+      const auto n = (*touch->facet)[a];
       smallest = std::min(smallest, nodes.m[n]);
-      inverse += weight[a] * weight[a] / nodes.m[n];
-      v -= weight[a] * nodes.v[n];
+      inverse += touch->weight[a] * touch->weight[a] / nodes.m[n];
+      v -= touch->weight[a] * nodes.v[n];
     }
-    const double k = stiffness(0.5 * smallest), p = k * shallowest;
+    const auto& normal = touch->normal;
+    const double k = stiffness(0.5 * smallest), p = -k * touch->gap;
     const auto f =
         p * normal + friction_force(pair.friction, p, v - dot(v, normal) * normal, 1.0 / inverse, dt);
-    stored_ += 0.5 * p * shallowest;
+    stored_ -= 0.5 * p * touch->gap;
     F[slave] += f;
     for (std::size_t a = 0; a < dim; ++a)
-      F[(*touched)[a]] -= weight[a] * f;
+      F[(*touch->facet)[a]] -= touch->weight[a] * f;
+  }
+}
+
+template <int dim>
+void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
+                                std::span<Vec<dim>> F)
+{
+  touches_.clear();
+  for (auto& wall : walls_)
+  {
+    wall.force = {};
+    for (const auto n : wall.nodes)
+      touches_.push_back({.slave = n,
+                          .facet = nullptr,
+                          .wall = &wall,
+                          .weight = {},
+                          .normal = wall.normal,
+                          .gap = dot(nodes.X[n] + nodes.u[n] - wall.point, wall.normal),
+                          .friction = wall.friction});
+  }
+  for (auto& pair : pairs_)
+  {
+    search_if_moved(pair, nodes);
+    for (std::size_t s = 0; s < pair.slaves.size(); ++s)
+      if (const auto touch = touch_of(pair, s, nodes, -pair.skin, pair.skin))
+        touches_.push_back(*touch);
+  }
+  if (!(dt > 0.0)) // at the start: the first step has no length yet
+    return;
+
+  const auto relative = [&](const Touch& touch, const auto& field)
+  {
+    auto v = field(touch.slave);
+    if (touch.facet != nullptr)
+      for (std::size_t a = 0; a < dim; ++a)
+        v -= touch.weight[a] * field((*touch.facet)[a]);
+    return v;
+  };
+  /// v⁺ changes by Δt M⁻¹ of the force on the slave and its reaction.
+  const auto push = [&](const Touch& touch, const Vec<dim>& force)
+  {
+    const auto move = [&](std::size_t n, double weight)
+    {
+      for (int i = 0; i < dim; ++i)
+        v_next_[n][i] += dt * nodes.inverse_mass[n][i] * weight * force[i];
+    };
+    move(touch.slave, 1.0);
+    if (touch.facet != nullptr)
+      for (std::size_t a = 0; a < dim; ++a)
+        move((*touch.facet)[a], -touch.weight[a]);
+  };
+  const auto free_velocity = [&](std::size_t n) // v⁻ + Δt a; nodes.v is v⁻ still
+  {
+    Vec<dim> v = nodes.v[n];
+    for (int i = 0; i < dim; ++i)
+      v[i] += dt * nodes.inverse_mass[n][i] * F_free[n][i];
+    return v;
+  };
+
+  // Those that would pass their gap even if the others pushed them as hard as they could are not known
+  // before; touches with a gap wider than a few steps' travel play no part.
+  double fastest = 0.0;
+  for (const auto& touch : touches_)
+    fastest = std::max(fastest, -dot(relative(touch, free_velocity), touch.normal));
+  std::erase_if(touches_, [&](const Touch& touch) { return touch.gap > 4.0 * dt * fastest; });
+  for (auto& touch : touches_)
+  {
+    const double before = dot(relative(touch, [&](std::size_t n) { return nodes.v[n]; }), touch.normal);
+    touch.rate = std::min(-std::max(touch.gap, 0.0) / dt, -std::max(before, 0.0));
+    const auto add = [&](std::size_t n, double weight)
+    {
+      v_next_[n] = free_velocity(n);
+      for (int i = 0; i < dim; ++i)
+        touch.own += dt * weight * weight * nodes.inverse_mass[n][i] * touch.normal[i] * touch.normal[i];
+    };
+    add(touch.slave, 1.0);
+    if (touch.facet != nullptr)
+      for (std::size_t a = 0; a < dim; ++a)
+        add((*touch.facet)[a], touch.weight[a]);
+  }
+  std::erase_if(touches_, [](const Touch& touch) { return !(touch.own > 0.0); }); // both sides are held
+
+  const auto next = [&](std::size_t n) { return v_next_[n]; };
+  for (int sweep = 0; sweep < most_sweeps; ++sweep)
+  {
+    double change = 0.0, largest = 0.0;
+    for (auto& touch : touches_)
+    {
+      const auto v = relative(touch, next);
+      const double p_old = dot(touch.force, touch.normal);
+      const double p = std::max(0.0, p_old + (touch.rate - dot(v, touch.normal)) / touch.own);
+      auto tangential = touch.force - p_old * touch.normal;
+      if (touch.friction > 0.0)
+      {
+        tangential -= (1.0 / touch.own) * (v - dot(v, touch.normal) * touch.normal); // what would stop it
+        if (const double size = norm(tangential); size > touch.friction * p)
+          tangential *= touch.friction * p / size;
+      }
+      const auto force = p * touch.normal + tangential;
+      push(touch, force - touch.force);
+      change = std::max(change, norm(force - touch.force));
+      largest = std::max(largest, p);
+      touch.force = force;
+    }
+    if (change <= 1e-13 * largest)
+      break;
+  }
+  for (const auto& touch : touches_)
+  {
+    F[touch.slave] += touch.force;
+    if (touch.wall != nullptr)
+      touch.wall->force += touch.force;
+    else
+      for (std::size_t a = 0; a < dim; ++a)
+        F[(*touch.facet)[a]] -= touch.weight[a] * touch.force;
   }
 }
 

@@ -34,6 +34,10 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
                           block.body.empty() ? "" : " of \"" + block.body + "\"", block.n_interface);
         },
         body.block);
+  if (const Beam* beam = solid.beam())
+    text += fmt::format(
+        "  elements   {} beams, {} fibres; {:.3g} % of the rotary inertia is added for the step\n",
+        beam->n_elements(), beam->n_nodes(), 100.0 * beam->added_inertia());
   text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());
   text += fmt::format("  mass       {:.9g} kg\n", solid.mass());
   Vec<dim> low = solid.nodes().X.front(), high = low;

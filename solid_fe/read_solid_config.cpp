@@ -106,20 +106,47 @@ ElementType read_element(const CaseTable& solid, int dim)
   return name == "Tet4" ? ElementType::tetrahedron4 : ElementType::hexahedron8;
 }
 
-GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int dim, double element_size)
+GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int dim, double element_size,
+                             bool is_beam)
 {
   GeometryConfig geometry;
+  const double factor = solid.number(
+      {"size_factor", "", "element size of the box or line relative to run.element_size"}, 1.0, positive());
+  geometry.element_size = factor * element_size;
+  if (is_beam)
+  {
+    geometry.line =
+        solid.numbers({"line", "m",
+                       "x, y, x, y, ... of the middle line of a thin wall (formulation beam), instead of "
+                       "a box; surfaces left, right, start, end"},
+                      0, {}, any_number());
+    if (!geometry.line.empty() && (geometry.line.size() % 2 != 0 || geometry.line.size() < 4))
+      solid.fail("line", "must be x and y of at least two points");
+    geometry.thickness =
+        solid.number({"thickness", "m",
+                      "thickness of the wall about solid.line or about the two-node elements of "
+                      "solid.mesh; 0: solid.mesh is a strip of quadrilaterals"},
+                     0.0, non_negative());
+    if (!geometry.line.empty() && !(geometry.thickness > 0.0))
+      solid.fail("thickness", "must be positive for a wall about solid.line");
+  }
   const auto mesh = solid.optional_text(
       {"mesh", "",
        "Gmsh (.msh) or Abaqus (.inp) file of the solid, relative to the case; instead of the built-in box"});
   if (mesh)
   {
     geometry.mesh_file = file.resolve(*mesh);
-    for (const char* key :
-         {"width", "height", "depth", "origin", "element", "elements", "size_factor", "angle"})
+    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line", "angle"})
       if (solid.has(key))
         solid.fail(key,
                    "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
+    return geometry;
+  }
+  if (!geometry.line.empty())
+  {
+    for (const char* key : {"width", "height", "origin", "element", "elements", "angle"})
+      if (solid.has(key))
+        solid.fail(key, "belongs to the built-in box, but the wall is about solid.line; remove one of them");
     return geometry;
   }
 
@@ -135,16 +162,16 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
       solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
                    any_number()) *
       std::acos(-1.0) / 180.0;
-  const double factor = solid.number(
-      {"size_factor", "", "element size of the box relative to run.element_size"}, 1.0, positive());
   double count = 1.0;
   for (const double size : geometry.size)
-    count *= std::max(1.0, size / (factor * element_size));
+    count *= std::max(1.0, size / geometry.element_size);
   if (count > 5e7 && !solid.has("elements"))
     solid.fail("width", fmt::format("the box would have {:.2g} elements of {:.3g} m, more than a machine can "
                                     "hold; are its sizes in metres? Else lower run.resolution",
-                                    count, factor * element_size));
-  geometry.elements = element_counts(geometry.size, factor * element_size);
+                                    count, geometry.element_size));
+  geometry.elements = element_counts(geometry.size, geometry.element_size);
+  if (is_beam) // one quadrilateral across the wall
+    geometry.elements[geometry.size[0] < geometry.size[1] ? 0 : 1] = 1;
   const std::vector<double> counted(geometry.elements.begin(), geometry.elements.end());
   const auto elements = solid.numbers({"elements", "", "number of elements of the box along each axis"}, n,
                                       counted, between(1.0, 1e6));
@@ -159,23 +186,29 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
 
 void read_formulation(const CaseTable& solid, int dim, SolidConfig& config)
 {
-  const auto formulation =
-      solid.choice({"formulation", "",
-                    "full integration; one point with hourglass control (quadrilaterals, hexahedra); or "
-                    "locking_free: mean "
-                    "dilatation of the element (quadrilaterals, hexahedra) or of the nodes (simplices)"},
-                   "full", {"full", "one_point", "locking_free"});
+  const auto formulation = solid.choice(
+      {"formulation", "",
+       "full integration; one point with hourglass control (quadrilaterals, hexahedra); or "
+       "locking_free: mean "
+       "dilatation of the element (quadrilaterals, hexahedra) or of the nodes (simplices); beam: thin "
+       "walls in 2-D, one quadrilateral across"},
+      "full", {"full", "one_point", "locking_free", "beam"});
   config.formulation = formulation == "full"        ? Formulation::full
                        : formulation == "one_point" ? Formulation::one_point
+                       : formulation == "beam"      ? Formulation::beam
                                                     : Formulation::locking_free;
-  if (config.formulation == Formulation::one_point)
+  // Other formulations may carry them along, so that a case changes its formulation by one key.
+  if (config.formulation == Formulation::one_point || solid.has("hourglass_stiffness") ||
+      solid.has("hourglass_viscosity"))
   {
-    config.hourglass_stiffness = solid.number(
-        {"hourglass_stiffness", "", "stiffness of the hourglass modes relative to E V sum |grad N|^2"},
-        config.hourglass_stiffness, between(0.0, 1.0));
-    config.hourglass_viscosity = solid.number(
-        {"hourglass_viscosity", "", "viscosity of the hourglass modes relative to sqrt(stiffness x mass)"},
-        0.0, between(0.0, 1.0));
+    config.hourglass_stiffness =
+        solid.number({"hourglass_stiffness", "",
+                      "one_point: stiffness of the hourglass modes relative to E V sum |grad N|^2"},
+                     config.hourglass_stiffness, between(0.0, 1.0));
+    config.hourglass_viscosity =
+        solid.number({"hourglass_viscosity", "",
+                      "one_point: viscosity of the hourglass modes relative to sqrt(stiffness x mass)"},
+                     0.0, between(0.0, 1.0));
   }
   if (dim == 2)
   {
@@ -204,7 +237,11 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
     FixConfig fix;
     fix.on = table.text({"on", "", "name of the surface or node set"});
     fix.components =
-        table.texts({"components", "", "fixed components; a roller fixes one"}, component_names(dim));
+        table.texts({"components", "",
+                     "fixed components; a roller fixes one; a beam has \"rotation\" too: clamped x, y, "
+                     "rotation, pinned x, y"},
+                    config.formulation == Formulation::beam ? std::vector<std::string>{"x", "y", "rotation"}
+                                                            : component_names(dim));
     config.fix.push_back(std::move(fix));
   }
   for (const auto& table : solid.tables("velocity", "constant prescribed velocity of a surface or node set"))
@@ -279,7 +316,15 @@ void read_contact(const CaseTable& solid, int dim, SolidConfig& config)
     contact.friction = table.number(friction, 0.0, non_negative());
     config.contact.push_back(std::move(contact));
   }
-  if (!config.wall.empty() || !config.contact.empty())
+  if (config.wall.empty() && config.contact.empty())
+    return;
+  const auto method =
+      solid.choice({"contact_method", "",
+                    "penalty: springs behind walls and facets; impulse: the force that closes a gap "
+                    "exactly, without stiffness, momentum kept and no energy made"},
+                   "penalty", {"penalty", "impulse"});
+  config.contact_method = method == "penalty" ? ContactMethod::penalty : ContactMethod::impulse;
+  if (config.contact_method == ContactMethod::penalty)
     config.contact_stiffness = solid.number(
         {"contact_stiffness", "", "penalty stiffness relative to omega^2 m, omega the highest frequency"},
         config.contact_stiffness, between(1e-6, 1.0));
@@ -300,8 +345,8 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
                "[\"python3\", \"my_solid.py\"]; empty: solid_fe"},
               {});
   config.material = read_material(solid);
-  config.geometry = read_geometry(file, solid, dim, element_size);
   read_formulation(solid, dim, config);
+  config.geometry = read_geometry(file, solid, dim, element_size, config.formulation == Formulation::beam);
   config.gravity =
       solid.numbers({"gravity", "m/s2", "body force per mass"}, n, std::vector<double>(n, 0.0), any_number());
   config.initial_velocity =

@@ -180,9 +180,10 @@ std::array<Vec<Element::dim>, Element::nodes> gather(const std::array<index_t, E
 /// How the elements of a mesh are to work.
 enum class Formulation
 {
-  full,        ///< full integration
-  one_point,   ///< quadrilaterals and hexahedra with one point and hourglass control
-  locking_free ///< mean dilatation in quadrilaterals and hexahedra, nodal dilatation in simplices
+  full,         ///< full integration
+  one_point,    ///< quadrilaterals and hexahedra with one point and hourglass control
+  locking_free, ///< mean dilatation in quadrilaterals and hexahedra, nodal dilatation in simplices
+  beam ///< 2-D: a strip of quadrilaterals whose fibres across the wall stay straight and as long as they are
 };
 
 /// What the plane of a 2-D case stands for.

@@ -228,6 +228,8 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
   require_same_interfaces(setup, surface);
   const bool in_contact = setup.scheme == link::contact_scheme;
   link.send_mesh(surface);
+  if (persistence.restarts()) // a beam's surface was told its present rotations; the coupler has those of the checkpoint
+    persistence.restore(state);
 
   const double started = seconds_now(), waited = link.wait_seconds();
   Energies energies = solid.energies();
@@ -245,7 +247,10 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
     auto report = report_of(energies, watch.limit(solid), solid.mass(), solid.steps());
     report.wait_seconds = link.wait_seconds() - waited;
     report.compute_seconds = seconds_now() - started - report.wait_seconds;
+    report.surface_changed = solid.wet_surface_has_changed();
     link.send_report(report);
+    if (report.surface_changed)
+      link.send_mesh_update(solid.wet_surface());
     const auto window = link.next_window();
     if (!window)
       break;

@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 #include "solid_fe/critical_time_step.hpp"
 #include "solid_fe/frequency_bounds.hpp"
+#include "solid_fe/strip.hpp"
 
 #include <fmt/format.h>
 
@@ -26,8 +27,10 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   const BlockOptions options{.formulation = config.formulation,
                              .plane = config.plane,
                              .hourglass_modulus = config.hourglass_stiffness * modulus};
-  for (auto& block :
-       reference_blocks(reference_.mesh, reference_.n_wet, options, std::span<double>(nodal_volume)))
+  const bool is_beam = config.formulation == Formulation::beam;
+  for (auto& block : is_beam ? std::vector<AnyBlock<dim>>{}
+                             : reference_blocks(reference_.mesh, reference_.n_wet, options,
+                                                std::span<double>(nodal_volume)))
   {
     auto& body = bodies_.emplace_back(
         Body<dim>{std::move(block), material, config.material.density, config.plane == PlaneKind::stress});
@@ -38,11 +41,18 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
               .elastic = elastic_constants(config.material.youngs_modulus, config.material.poisson_ratio),
               .hourglass = config.formulation == Formulation::one_point ? config.hourglass_viscosity : 0.0,
               .hourglass_modulus = modulus};
-  if (bodies_.empty())
+  if (is_beam)
+  {
+    make_beam(config);
+    for (std::size_t k = 0; k < n; ++k)
+      nodal_volume[k] = 0.5 * beam_->mass(place_[k].first) / config.material.density;
+  }
+  else if (bodies_.empty())
     throw InputError("mesh: no element of dimension " + std::to_string(dim) + " in the solid's mesh",
                      ExitCode::bad_input_file);
 
-  const auto motion = prescribed_motion(reference_.mesh, config);
+  const auto motion =
+      is_beam ? std::map<index_t, PrescribedMotion<dim>>{} : prescribed_motion(reference_.mesh, config);
   loads_ = nodal_loads(reference_.mesh, config);
   formula_loads_ = formula_loads(reference_.mesh, config);
   body_force_ = FieldFunction(config.body_force_function, "solid.body_force_function");
@@ -59,7 +69,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   {
     nodes_.m[k] = config.material.density * nodal_volume[k];
     for (int i = 0; i < dim; ++i)
-      nodes_.inverse_mass[k][i] = 1.0 / nodes_.m[k];
+      nodes_.inverse_mass[k][i] = is_beam ? 0.0 : 1.0 / nodes_.m[k]; // ends of fibres move with these only
   }
   bound_frequencies<dim>(bodies_, nodes_.m);
   for (const auto& [node, prescribed] : motion)
@@ -91,9 +101,17 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     double omega2 = 0.0;
     for (const auto& body : bodies_)
       omega2 = std::max(omega2, highest_frequency_squared(body, std::span<const Vec<dim>>(nodes_.u)));
+    if (beam_)
+      omega2 = beam_->highest_frequency_squared();
     contact_.emplace(config, reference_.mesh, nodes_, omega2);
     F_contact_.resize(n);
     F_contact_old_.resize(n);
+    if (contact_->by_impulse())
+    {
+      if (is_beam || !rigid_.empty())
+        throw InputError("solid.contact_method = \"impulse\": beams and rigid bodies need \"penalty\"");
+      F_free_.resize(n);
+    }
   }
   if (damping_.any())
   {
@@ -103,7 +121,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
   a_free_wet_.resize(n_wet);
   f_link_.resize(n_wet);
-  step_of_wet_.resize(n_wet);
+  step_of_wet_.resize(is_beam ? n : n_wet);
 
   const auto v0 = to_vec<dim>(config.initial_velocity, "solid.initial_velocity");
   const FieldFunction v0_function(config.initial_velocity_function, "solid.initial_velocity_function");
@@ -129,6 +147,33 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
       nodes_.v[n] = v(nodes_.X[n]);
     body.start(nodes_);
   }
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      std::vector<Vec<2>> u_line, v_line;
+      std::vector<double> theta, omega;
+      for (std::size_t k = 0; k < fibre_.size(); ++k)
+      {
+        const auto X = [&](int i)
+        { return nodes_.X[static_cast<std::size_t>(fibre_[k][static_cast<std::size_t>(i)])]; };
+        const auto half = [](const Vec<2>& a, const Vec<2>& b) { return 0.5 * (a + b); };
+        const Vec<2> r0 = half(X(0), -1.0 * X(1)), r = r0 + half(u(X(0)), -1.0 * u(X(1)));
+        const Vec<2> dv = half(v(X(0)), -1.0 * v(X(1)));
+        u_line.push_back(half(u(X(0)), u(X(1))));
+        v_line.push_back(half(v(X(0)), v(X(1))));
+        theta.push_back(std::atan2(r0[0] * r[1] - r0[1] * r[0], dot(r0, r)));
+        omega.push_back((r[0] * dv[1] - r[1] * dv[0]) / norm_squared(r));
+        for (int i = 0; i < 2; ++i)
+          if (beam_->is_fixed(k, i))
+            v_line[k][i] = 0.0;
+        if (beam_->is_fixed(k, 2))
+          omega[k] = 0.0;
+      }
+      for (const auto& driven : driven_fibres_)
+        v_line[driven.fibre][driven.component] = driven_velocity(driven, t);
+      beam_->set_motion(u_line, theta, v_line, omega);
+      show_beam(true);
+    }
   for (auto& driven : driven_)
     if (driven.function >= 0)
       nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
@@ -149,6 +194,7 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
     add_viscous_force_of(part);
   }
   move_free(0.0, 0, nodes_.size());
+  solve_beam(0.0);
   solve_rigid_bodies(0.0);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
@@ -164,6 +210,8 @@ void Solid<dim>::start_balances()
     gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
   for (auto& driven : driven_)
     driven.reaction = driven_force(driven);
+  for (auto& driven : driven_fibres_)
+    driven.reaction = -beam_->force(driven.fibre)[driven.component];
 }
 
 template <int dim>
@@ -192,6 +240,16 @@ void Solid<dim>::predict_velocity(double dt)
   const double half = 0.5 * dt;
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     nodes_.v[n] += half * nodes_.a[n];
+  if (beam_)
+  {
+    for (auto& driven : driven_fibres_) // the velocity in the middle of the step moves the fibre
+    {
+      driven.v_step = driven_velocity(driven, load_time + half);
+      beam_->set_velocity(driven.fibre, driven.component, driven.v_step);
+    }
+    beam_->predict_velocity(dt);
+    show_beam(false);
+  }
   for (auto& driven : driven_)
     if (driven.function >= 0) // the velocity in the middle of the step moves the node
     {
@@ -206,6 +264,24 @@ void Solid<dim>::push(std::span<const double> f_link, double dt)
 {
   assert(f_link.size() == f_link_.size() * dim);
   const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      const auto row = [&](std::size_t n) { return Vec<2>{{f_link[2 * n], f_link[2 * n + 1]}}; };
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+      {
+        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n] - dt_mean * nodes_.a[n]);
+        beam_->add_face_impulse(place_[n].second, place_[n].first, dt * row(n));
+      }
+      show_beam(false);
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n]);
+      for (auto& driven : driven_fibres_)
+        for (const index_t end : fibre_[driven.fibre])
+          if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
+            driven_work_ -= dt * row(n)[driven.component] * driven.v_step;
+      return;
+    }
   for (std::size_t n = 0; n < f_link_.size(); ++n)
     for (int i = 0; i < dim; ++i)
     {
@@ -230,6 +306,17 @@ template <int dim>
 void Solid<dim>::predict_position(double dt)
 {
   const double load_time = time() - dt;
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      beam_->predict_position(dt);
+      for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+      {
+        const auto& [k, face] = place_[n];
+        const auto u = beam_->face_position(face, k) - nodes_.X[n];
+        nodes_.v[n] = (1.0 / dt) * (u - nodes_.u[n]); // mean over the step: u gets there below
+      }
+    }
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     nodes_.u[n] += dt * nodes_.v[n];
   for (auto& body : rigid_)
@@ -262,18 +349,28 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
   add_viscous_force_of(Part::interface);
   F_contact_.swap(F_contact_old_);
   std::fill(F_contact_.begin(), F_contact_.end(), Vec<dim>{});
+  if (at_once())
+  {
+    add_internal_force_of(Part::interior, dt);
+    add_viscous_force_of(Part::interior);
+  }
   add_contact_force(dt);
   move_free(dt, 0, reference_.n_wet);
+  solve_beam(dt);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
 }
 
 template <int dim>
 void Solid<dim>::solve_free_motion_of_interior(double dt)
 {
-  add_internal_force_of(Part::interior, dt);
-  add_viscous_force_of(Part::interior);
+  if (!at_once())
+  {
+    add_internal_force_of(Part::interior, dt);
+    add_viscous_force_of(Part::interior);
+  }
   count_works(dt);
-  move_free(dt, reference_.n_wet, nodes_.size());
+  if (!beam_)
+    move_free(dt, reference_.n_wet, nodes_.size());
   solve_rigid_bodies(dt);
 
   for (auto& driven : driven_)
@@ -284,6 +381,12 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
     if (driven.function >= 0)
       nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
           static_cast<std::size_t>(driven.component), nodes_.X[driven.node], time());
+  }
+  for (auto& driven : driven_fibres_)
+  {
+    const double reaction = -beam_->force(driven.fibre)[driven.component];
+    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
+    driven.reaction = reaction;
   }
 }
 
@@ -298,13 +401,25 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
     for (int i = 0; i < dim; ++i)
     {
       f[i] = f_link[n * dim + static_cast<std::size_t>(i)];
+      if (beam_)
+        continue;
       const double a_link = nodes_.inverse_mass[n][i] * f[i];
       nodes_.a[n][i] += a_link;
       nodes_.v[n][i] += half * a_link;
     }
+    link_beam(n, f, dt);
     interface_work_ += 0.5 * dot(f_link_[n] + f, step_of_wet_[n]);
     f_link_[n] = f;
   }
+  if (beam_)
+    show_beam(false);
+  for (auto& driven : driven_fibres_)
+    for (const index_t end : fibre_[driven.fibre])
+      if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
+      {
+        driven_work_ -= 0.5 * f_link_[n][driven.component] * dt * driven.v_step;
+        driven.reaction -= f_link_[n][driven.component];
+      }
   for (auto& driven : driven_) // what the link pushes into a driven component, its support takes up
     if (driven.node < f_link_.size())
     {
@@ -319,6 +434,32 @@ void Solid<dim>::apply_activation(const link::Activation& activation)
 {
   assert(activation.impulse.size() == f_link_.size() * dim &&
          activation.link_force.size() == f_link_.size() * dim);
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      const auto row = [](const std::vector<double>& all, std::size_t n) {
+        return Vec<2>{{all[2 * n], all[2 * n + 1]}};
+      };
+      const double kinetic = beam_->kinetic_energy(); // its change is Σ impulse · (v⁻ + v⁺)/2
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+        beam_->add_face_impulse(place_[n].second, place_[n].first, row(activation.impulse, n));
+      interface_work_ += beam_->kinetic_energy() - kinetic;
+      beam_->drop_face_forces();
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+      {
+        f_link_[n] = row(activation.link_force, n);
+        link_beam(n, f_link_[n], 0.0);
+      }
+      show_beam(false);
+      for (auto& driven : driven_fibres_)
+      {
+        driven.reaction = -beam_->force(driven.fibre)[driven.component];
+        for (const index_t end : fibre_[driven.fibre])
+          if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
+            driven.reaction -= f_link_[n][driven.component];
+      }
+      return;
+    }
   for (std::size_t n = 0; n < f_link_.size(); ++n)
     for (int i = 0; i < dim; ++i)
     {
@@ -336,9 +477,41 @@ void Solid<dim>::apply_activation(const link::Activation& activation)
 }
 
 template <int dim>
-link::SurfaceMesh Solid<dim>::wet_surface() const
+link::SurfaceMesh Solid<dim>::wet_surface()
 {
-  return surface_message(reference_, wet_, nodes_);
+  auto message = surface_message(reference_, wet_, nodes_);
+  message.epoch = surface_epoch_++;
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      theta_sent_ = beam_->theta();
+      for (std::size_t n = 0; n < f_link_.size(); ++n)
+      {
+        const auto& [k, face] = place_[n];
+        const auto own = beam_->face_inverse_mass(face, face, k);
+        std::copy(own.c.begin(), own.c.end(),
+                  message.inverse_mass.begin() + static_cast<std::ptrdiff_t>(4 * n));
+      }
+      for (std::size_t k = 0; k < fibre_.size(); ++k)
+        if (fibre_[k][0] < reference_.n_wet && fibre_[k][1] < reference_.n_wet)
+        {
+          message.coupled_nodes.insert(message.coupled_nodes.end(), fibre_[k].begin(), fibre_[k].end());
+          const auto block = beam_->face_inverse_mass(BeamFace::left, BeamFace::right, k);
+          message.coupled_inverse_mass.insert(message.coupled_inverse_mass.end(), block.c.begin(),
+                                              block.c.end());
+        }
+    }
+  return message;
+}
+
+template <int dim>
+bool Solid<dim>::wet_surface_has_changed() const
+{
+  for (std::size_t k = 0; k < theta_sent_.size(); ++k)
+    if (std::abs(beam_->theta()[k] - theta_sent_[k]) > 1e-3 &&
+        (fibre_[k][0] < reference_.n_wet || fibre_[k][1] < reference_.n_wet))
+      return true;
+  return false;
 }
 
 template <int dim>
@@ -368,6 +541,18 @@ double Solid<dim>::critical_time_step() const
     dt = std::min(
         dt, stable_step(highest_frequency_squared(body, u) + (contact_ ? contact_->frequency_squared() : 0.0),
                         damping_bound(body, damping_, u)));
+  if (beam_)
+  {
+    // Damping acts at the ends of the fibres: on the rotation with the arm squared.
+    double share = 1.0;
+    for (std::size_t k = 0; k < beam_->n_nodes(); ++k)
+      share =
+          std::max(share, beam_->mass(k) * norm_squared(beam_->arm(BeamFace::left, k)) / beam_->inertia(k));
+    // So does contact, at most four times as strong as on a node of the fibre's whole mass.
+    dt = stable_step(beam_->highest_frequency_squared() +
+                         (contact_ ? share * contact_->frequency_squared() : 0.0),
+                     share * damping_.mass);
+  }
   return step_safety_ * dt;
 }
 
@@ -380,6 +565,11 @@ Energies Solid<dim>::energies() const
   {
     e.kinetic += 0.5 * nodes_.m[n] * norm_squared(nodes_.v[n]);
     gravity_work += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
+  }
+  if (beam_)
+  {
+    e.kinetic = beam_->kinetic_energy();
+    e.strain = beam_->strain_energy();
   }
   for (const auto& body : bodies_)
   {
@@ -427,6 +617,8 @@ Vec<3> Solid<dim>::angular_momentum() const
     }
     momentum += nodes_.m[n] * cross(x, v);
   }
+  if (beam_) // the rotary inertia is not that of two masses at the ends
+    momentum[2] = beam_->angular_momentum();
   return momentum;
 }
 
@@ -434,6 +626,21 @@ template <int dim>
 Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
 {
   Vec<dim> total;
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      std::vector<bool> counted(fibre_.size(), false);
+      for (const index_t node : nodes)
+        if (const auto k = place_[static_cast<std::size_t>(node)].first; !counted[k])
+        {
+          counted[k] = true;
+          total += beam_->mass(k) * beam_->acceleration(k) - beam_->force(k);
+          for (const index_t end : fibre_[k])
+            if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
+              total -= f_link_[n];
+        }
+      return total;
+    }
   for (const index_t k : nodes)
   {
     const auto n = static_cast<std::size_t>(k);
@@ -462,7 +669,7 @@ void Solid<dim>::set_time(double t)
 template <int dim>
 index_t Solid<dim>::n_elements() const
 {
-  index_t n = 0;
+  index_t n = beam_ ? static_cast<index_t>(beam_->n_elements()) : 0;
   for (const auto& body : bodies_)
     n += std::visit([](const auto& block) { return block.size(); }, body.block);
   return n;
@@ -512,20 +719,26 @@ void Solid<dim>::add_viscous_force_of(Part part)
 template <int dim>
 void Solid<dim>::add_contact_force(double dt)
 {
-  if (contact_)
-    contact_->add_force(nodes_, dt, std::span<Vec<dim>>(F_contact_));
+  if (!contact_)
+    return;
+  for (std::size_t n = 0; n < F_free_.size(); ++n)
+  {
+    F_free_[n] = F_ext_[n] - F_int_[n];
+    if (!F_viscous_.empty())
+      F_free_[n] -= F_viscous_[n];
+  }
+  contact_->add_force(nodes_, dt, F_free_, std::span<Vec<dim>>(F_contact_));
 }
 
 /// Works of the step by the trapezoidal rule; v of the wet nodes has moved on already, so their way is taken.
 template <int dim>
 void Solid<dim>::count_works(double dt)
 {
-  const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
   const auto work = [&](const std::vector<Vec<dim>>& F, const std::vector<Vec<dim>>& F_old)
   {
     double sum = 0.0;
     for (std::size_t n = 0; n < F.size(); ++n)
-      sum += 0.5 * dot(F[n] + F_old[n], n < n_wet ? step_of_wet_[n] : dt * nodes_.v[n]);
+      sum += 0.5 * dot(F[n] + F_old[n], n < step_of_wet_.size() ? step_of_wet_[n] : dt * nodes_.v[n]);
     return sum;
   };
   viscous_work_ += work(F_viscous_, F_viscous_old_);
@@ -634,6 +847,118 @@ void Solid<dim>::for_each_state(StateArchive& archive)
   archive("interface_work", interface_work_);
   archive("viscous_work", viscous_work_);
   archive("contact_work", contact_work_);
+  archive("beam", beam_);
+  archive("face_force", face_force_);
+  archive("driven_fibres", driven_fibres_);
+  archive("theta_sent", theta_sent_);
+  archive("F_free", F_free_);
+}
+
+template <int dim>
+void Solid<dim>::make_beam(const SolidConfig& config)
+{
+  if constexpr (dim == 3)
+    throw InputError("solid.formulation = \"beam\": must be in 2-D; use one-point hexahedra in 3-D");
+  else
+  {
+    if (config.plane == PlaneKind::axisymmetric)
+      throw InputError("solid.formulation = \"beam\": the plane may be \"strain\" or \"stress\"");
+    if (config.material.law != Linear::name && config.material.law != StVenantKirchhoff::name)
+      throw InputError(
+          "solid.law = \"" + config.material.law +
+          "\": a beam is linear in the strains of its middle line; must be \"linear\" or \"svk\"");
+    if (config.material.stiffness_damping > 0.0 || !config.rigid.empty())
+      throw InputError(
+          "solid.formulation = \"beam\": solid.stiffness_damping and solid.rigid do not go with it; "
+          "remove them");
+    auto strip = make_strip(reference_.mesh);
+    strip.beam.material = config.material;
+    strip.beam.plane_stress = config.plane == PlaneKind::stress;
+    strip.beam.fixed = fibre_supports(reference_.mesh, strip, config);
+    fibre_ = strip.ends;
+    place_.resize(reference_.mesh.x.size());
+    for (std::size_t k = 0; k < fibre_.size(); ++k)
+      for (const auto face : both_faces)
+        place_[static_cast<std::size_t>(fibre_[k][static_cast<std::size_t>(face)])] = {k, face};
+    face_force_.resize(fibre_.size());
+    beam_.emplace(strip.beam);
+    for (std::size_t c = 0; c < config.velocity.size(); ++c)
+    {
+      const auto& entry = config.velocity[c];
+      const std::string key = "solid.velocity[" + std::to_string(c) + "]";
+      const auto v = to_vec<2>(entry.value, key + ".value");
+      std::vector<bool> taken(fibre_.size(), false);
+      for (const index_t n : find_nodes(reference_.mesh, entry.on, key + ".on"))
+        if (const auto k = place_[static_cast<std::size_t>(n)].first; !taken[k])
+        {
+          taken[k] = true;
+          for (int i = 0; i < 2; ++i)
+            if (entry.components.empty() || std::find(entry.components.begin(), entry.components.end(),
+                                                      std::string(1, "xy"[i])) != entry.components.end())
+              driven_fibres_.push_back(
+                  {k, i, 0.0, entry.function.empty() ? -1 : static_cast<int>(c), v[i], v[i]});
+        }
+    }
+  }
+}
+
+template <int dim>
+double Solid<dim>::driven_velocity(const DrivenFibre& driven, double t) const
+{
+  if constexpr (dim == 2)
+    if (driven.function >= 0)
+      return driving_[static_cast<std::size_t>(driven.function)](static_cast<std::size_t>(driven.component),
+                                                                 beam_->X()[driven.fibre], t);
+  return driven.v;
+}
+
+/// Free motion of the beam under what acts on the ends of its fibres.
+template <int dim>
+void Solid<dim>::solve_beam(double dt)
+{
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+      {
+        auto& f = face_force_[place_[n].first][static_cast<std::size_t>(place_[n].second)];
+        for (int i = 0; i < 2; ++i)
+          f[i] = F_ext_[n][i] - opposing(n, i);
+      }
+      beam_->solve_free_motion(dt, face_force_);
+      for (std::size_t e = 0; e < beam_->n_elements(); ++e)
+        if (const auto s = beam_->section(e); !(s.stretch > 0.0))
+          throw NumericalError(fmt::format(
+              "solid: element {} of the beam, near ({:.6g}, {:.6g}) m, has the stretch {:.3g} at step {}, t "
+              "= {:.9g} s: "
+              "it is inverted. The load is beyond what this mesh can carry, or the step is too large",
+              e, s.x[0], s.x[1], s.stretch, step_, time()));
+      for (auto& driven : driven_fibres_)
+        beam_->set_velocity(driven.fibre, driven.component, driven_velocity(driven, time()));
+      show_beam(false);
+    }
+}
+
+template <int dim>
+void Solid<dim>::show_beam(bool moves)
+{
+  if constexpr (dim == 2)
+    for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    {
+      const auto& [k, face] = place_[n];
+      if (moves)
+        nodes_.u[n] = beam_->face_position(face, k) - nodes_.X[n];
+      nodes_.v[n] = beam_->face_velocity(face, k);
+      nodes_.a[n] = beam_->face_acceleration(face, k);
+    }
+}
+
+template <int dim>
+void Solid<dim>::link_beam(std::size_t node, const Vec<dim>& f, double dt)
+{
+  if constexpr (dim == 2)
+    if (beam_)
+      beam_->add_face_force(place_[node].second, place_[node].first, f, dt);
 }
 
 template <int dim>

@@ -3,6 +3,7 @@
 
 #include "common/coupling/messages.hpp"
 #include "common/io/state_archive.hpp"
+#include "solid_fe/beam.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
 #include "solid_fe/contact.hpp"
@@ -88,7 +89,10 @@ public:
   void apply_activation(const link::Activation& activation);
 
   index_t n_wet_nodes() const { return reference_.n_wet; }
-  link::SurfaceMesh wet_surface() const; ///< at the current position
+  link::SurfaceMesh wet_surface(); ///< at the current position
+  /// The inverse masses of the wet nodes are no longer those of the last wet_surface(): a wet fibre of a beam
+  /// has turned by more than 1e-3.
+  bool wet_surface_has_changed() const;
   std::span<const double>
   interface_velocity() const; ///< of the wet nodes [m/s], n_wet × dim; v_free between the parts of a step
   link::Kinematics interface_kinematics() const; ///< v and a_free of the wet nodes
@@ -115,6 +119,10 @@ public:
   } ///< of each node in the mesh it was made from
   index_t n_elements() const;
   const std::vector<RigidBody<dim>>& rigid_bodies() const { return rigid_; }
+  /// The beam behind the strip of quadrilaterals of formulation = "beam"; null otherwise. Its fibre k ends at
+  /// the nodes fibre_ends()[k].
+  const Beam* beam() const { return beam_ ? &*beam_ : nullptr; }
+  const std::vector<std::array<index_t, 2>>& fibre_ends() const { return fibre_; }
   /// Walls and contact pairs; null if the case has none.
   const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
@@ -141,9 +149,33 @@ private:
     }
   };
 
+  /// The same of a component of a fibre (2: its rotation).
+  struct DrivenFibre
+  {
+    std::size_t fibre;
+    int component;
+    double reaction; ///< [N]
+    int function;
+    double v, v_step; ///< constant velocity, velocity within the step [m/s]
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("reaction", reaction);
+      archive("v_step", v_step);
+    }
+  };
+
+  void make_beam(const SolidConfig& config);
+  double driven_velocity(const DrivenFibre& driven, double t) const;
+  void solve_beam(double dt);
+  void show_beam(bool moves); ///< u (if it moves), v, a of the nodes are those of the beam's faces
+  void link_beam(std::size_t node, const Vec<dim>& f, double dt);
   void add_internal_force_of(Part part, double dt);
   void add_viscous_force_of(Part part);
   void add_contact_force(double dt);
+  /// Everything is computed with the interface: fibres and impulse contact want all forces on their nodes at
+  /// once.
+  bool at_once() const { return beam_ || (contact_ && contact_->by_impulse()); }
   void count_works(double dt);
   void solve_rigid_bodies(double dt);
   double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
@@ -166,8 +198,16 @@ private:
   Damping damping_;
   std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping
   std::vector<RigidBody<dim>> rigid_;
+  std::optional<Beam> beam_; ///< 2-D only; then there are no bodies, and all nodes are ends of fibres
+  std::vector<std::array<index_t, 2>> fibre_;
+  std::vector<std::pair<std::size_t, BeamFace>> place_; ///< fibre and face of each node
+  std::vector<std::array<Vec<2>, 2>> face_force_;       ///< [N]
+  std::vector<DrivenFibre> driven_fibres_;
+  std::vector<double> theta_sent_; ///< rotations of the last wet_surface()
+  std::uint32_t surface_epoch_ = 0;
   std::optional<Contact<dim>> contact_;
   std::vector<Vec<dim>> F_contact_, F_contact_old_; ///< [N]; empty without contact
+  std::vector<Vec<dim>> F_free_;                    ///< all other forces [N]; impulse contact only
   std::vector<FormulaLoad<dim>> formula_loads_;
   FieldFunction body_force_;                        ///< per mass
   std::vector<FieldFunction> driving_;              ///< formulas of prescribed velocities
@@ -175,7 +215,7 @@ private:
 
   std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
-  std::vector<Vec<dim>> step_of_wet_; ///< Δu of the wet nodes in this step [m]
+  std::vector<Vec<dim>> step_of_wet_; ///< Δu of the wet nodes (of a beam: all nodes) in this step [m]
 
   double dt_before_ = 0.0;           ///< of the step before this one
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes

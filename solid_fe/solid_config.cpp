@@ -2,6 +2,7 @@
 #include "solid_fe/solid_config.hpp"
 
 #include "common/error.hpp"
+#include "solid_fe/strip.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -34,6 +35,12 @@ template <int dim>
 Mesh<dim> make_mesh(const SolidConfig& config)
 {
   const auto& geometry = config.geometry;
+  if constexpr (dim == 2)
+    if (geometry.thickness > 0.0)
+      return strip_about(geometry.mesh_file.empty() ? polyline(geometry.line, geometry.element_size)
+                         : geometry.mesh_file.ends_with(".inp") ? read_abaqus<2>(geometry.mesh_file)
+                                                                : read_gmsh<2>(geometry.mesh_file),
+                         geometry.thickness);
   if (!geometry.mesh_file.empty())
     return geometry.mesh_file.ends_with(".inp") ? read_abaqus<dim>(geometry.mesh_file)
                                                 : read_gmsh<dim>(geometry.mesh_file);

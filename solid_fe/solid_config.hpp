@@ -15,7 +15,7 @@ namespace undine::solid
 struct FixConfig
 {
   std::string on;
-  std::vector<std::string> components; ///< of "x", "y", "z"
+  std::vector<std::string> components; ///< of "x", "y", "z"; of a beam "x", "y", "rotation"
 };
 
 /// `[[solid.velocity]]`: constant prescribed velocity of a surface or node set.
@@ -61,6 +61,13 @@ struct ContactConfig
   double friction = 0.0;
 };
 
+/// How contact pushes.
+enum class ContactMethod
+{
+  penalty,
+  impulse
+};
+
 /// A surface of the solid that takes part in the interface of that name.
 struct WetConfig
 {
@@ -75,7 +82,11 @@ struct GeometryConfig
   ElementType element = ElementType::quadrilateral4;
   std::vector<double> origin, size; ///< of the box [m], dim numbers
   std::vector<int> elements;        ///< along each axis of the box, dim numbers
-  double angle = 0.0;               ///< the box is turned by this about its origin, in the x-y plane [rad]
+  std::vector<double>
+      line; ///< x, y, x, y, …: middle line of a thin wall [m]; instead of the box if not empty
+  double thickness = 0.0;    ///< of that wall, or of one about the two-node elements of the mesh file [m]
+  double element_size = 0.0; ///< along the line [m]
+  double angle = 0.0;        ///< the box is turned by this about its origin, in the x-y plane [rad]
 };
 
 struct SolidConfig
@@ -98,6 +109,7 @@ struct SolidConfig
   std::vector<WallConfig> wall;
   std::vector<ContactConfig> contact;
   std::vector<std::string> rigid; ///< surfaces or node sets, each of which moves as one rigid body
+  ContactMethod contact_method = ContactMethod::penalty;
   double contact_stiffness = 0.1; ///< penalty stiffness relative to ω² m
   std::vector<WetConfig> wet;
   double step_safety = 0.9; ///< fraction of the stable step that is offered

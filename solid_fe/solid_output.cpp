@@ -141,6 +141,18 @@ CellStress cell_stress(const Solid<dim>& solid)
 {
   CellStress stress;
   std::vector<Mat<3>> sigma;
+  if constexpr (dim == 2)
+    if (const Beam* beam = solid.beam())
+      for (std::size_t e = 0; e < beam->n_elements(); ++e)
+      {
+        const auto s = beam->section(e);
+        Mat<3> mean;
+        for (int i = 0; i < 2; ++i)
+          for (int j = 0; j < 2; ++j)
+            mean(i, j) = (s.N * s.t[i] * s.t[j] + s.Q * (s.t[i] * s.n[j] + s.n[i] * s.t[j])) / s.thickness;
+        sigma.push_back(mean);
+        stress.plastic_strain.push_back(0.0);
+      }
   for (const auto& body : solid.bodies())
     append_stress(body, std::span<const Vec<dim>>(solid.nodes().u), sigma, stress.plastic_strain);
   for (const auto& s : sigma)
@@ -237,6 +249,9 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
           mesh.blocks.emplace_back(Element::type, std::span<const index_t>(list));
         },
         body.block);
+  if (solid.beam() != nullptr)
+    for (const auto& block : solid.mesh().blocks)
+      mesh.blocks.emplace_back(block.type, std::span<const index_t>(block.nodes));
   frames_->write(
       solid.time(), mesh,
       {{.name = "displacement", .unit = "m", .components = dim, .values = u, .on_cells = false},

@@ -54,6 +54,12 @@ struct SurfaceMesh
   /// Positions in node_id, outward orientation of the participant's body.
   std::vector<std::int32_t> face_nodes;
   std::vector<std::int32_t> face_interface; ///< size n_faces
+  /// Pairs of different nodes that a force on one of them moves both (the two faces of a thin wall):
+  /// positions in node_id, 2 per pair, each pair once. Usually empty.
+  std::vector<std::int32_t> coupled_nodes;
+  /// Acceleration of the first node per force on the second [1/kg], pairs × dim × dim; the reverse is its
+  /// transpose.
+  std::vector<double> coupled_inverse_mass;
 
   std::int64_t n_nodes() const { return static_cast<std::int64_t>(node_id.size()); }
   std::int64_t n_faces() const { return static_cast<std::int64_t>(face_offset.size()) - 1; }

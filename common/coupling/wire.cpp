@@ -96,6 +96,19 @@ void require_faces(const Reader& in, const SurfaceMesh& mesh)
                 "one of " + std::to_string(mesh.interfaces.size()) + " interfaces");
 }
 
+void require_pairs(const Reader& in, const SurfaceMesh& mesh)
+{
+  const auto dim = static_cast<std::size_t>(mesh.dim), pairs = mesh.coupled_nodes.size() / 2;
+  require_size(in, "coupled_nodes", mesh.coupled_nodes.size(), 2 * pairs, "two per pair");
+  require_size(in, "coupled_inverse_mass", mesh.coupled_inverse_mass.size(), pairs * dim * dim,
+               "pairs x dim x dim");
+  for (std::size_t i = 0; i < mesh.coupled_nodes.size(); ++i)
+    if (const auto k = mesh.coupled_nodes[i];
+        k < 0 || k >= mesh.n_nodes() || (i % 2 == 1 && k == mesh.coupled_nodes[i - 1]))
+      in.reject(entry("coupled_nodes", i), std::to_string(k),
+                "a position in 0.." + std::to_string(mesh.n_nodes() - 1) + ", two different ones per pair");
+}
+
 void require_unique_ids(const Reader& in, const SurfaceMesh& mesh)
 {
   std::vector<std::int64_t> ids = mesh.node_id;
@@ -366,6 +379,10 @@ void write(Writer& out, const SurfaceMesh& m)
   out.list<std::int32_t>(m.face_offset);
   out.list<std::int32_t>(m.face_nodes);
   out.list<std::int32_t>(m.face_interface);
+  if (m.coupled_nodes.empty()) // as version 1.0 had it
+    return;
+  out.list<std::int32_t>(m.coupled_nodes);
+  out.list<double>(m.coupled_inverse_mass);
 }
 
 SurfaceMesh read_surface_mesh(Reader in)
@@ -382,6 +399,11 @@ SurfaceMesh read_surface_mesh(Reader in)
   m.face_offset = in.i32_list("face_offset");
   m.face_nodes = in.i32_list("face_nodes");
   m.face_interface = in.i32_list("face_interface");
+  if (in.left() >= 16) // two more lists
+  {
+    m.coupled_nodes = in.i32_list("coupled_nodes");
+    m.coupled_inverse_mass = in.f64_list("coupled_inverse_mass");
+  }
   in.end();
 
   const std::size_t n = m.node_id.size();
@@ -389,6 +411,7 @@ SurfaceMesh read_surface_mesh(Reader in)
   require_size(in, "x", m.x.size(), n * dim, "nodes x dim");
   require_size(in, "inverse_mass", m.inverse_mass.size(), n * dim * dim, "nodes x dim x dim");
   require_faces(in, m);
+  require_pairs(in, m);
   require_unique_ids(in, m);
   return m;
 }

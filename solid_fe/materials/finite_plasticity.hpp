@@ -215,7 +215,7 @@ private:
                    work = static_cast<std::size_t>(work_at(dim)),
                    rise = static_cast<std::size_t>(rise_at(dim)),
                    heat = static_cast<std::size_t>(heat_at(dim));
-    Real scale(1.0);
+    Real scale(1.0), increments(0.0), stress_before(0.0);
     for (int k = 0; k < lanes_of<Real>; ++k)
     {
       if (!lane(yields, k))
@@ -226,12 +226,8 @@ private:
       const double after = lane(equivalent, k) - slope * increment;
       set_lane(scale, k, after / lane(equivalent, k));
       set_lane(h[strain], k, before + increment);
-      set_lane(h[work], k, lane(h[work], k) + after * increment);
-      if (Hardening::heats)
-        set_lane(h[heat], k, heating + hardening.heating(after * increment));
-      set_lane(h[rise], k,
-               hardening.yield_stress(before + increment, 0.0, lane(h[heat], k)) -
-                   hardening.initial_yield_stress);
+      set_lane(increments, k, increment);
+      set_lane(stress_before, k, hardening.yield_stress(before, dt > 0.0 ? increment / dt : 0.0, heating));
     }
     s = scale * s;
 
@@ -241,6 +237,25 @@ private:
     Real x = Real(1.0) + mean;
     for (int iteration = 0; iteration < 3; ++iteration)
       x = x - (x * x * x - half_square * x + det - Real(1.0)) / (Real(3.0) * x * x - half_square);
+
+    // Plastic work: what the return takes from the elastic energy, less what the trial stress, which the
+    // solid never feels, seemed to have worked: ½(P + P_old):ΔF = ΔW + this, to second order in the step. (σ
+    // Δα is not it: the flow along n spends τ:n b̄ᵉ⁻¹ …, which differs from |s| by O(s/μ) wherever tr n³ ≠ 0,
+    // as in tension.)
+    for (int k = 0; k < lanes_of<Real>; ++k)
+    {
+      if (!lane(yields, k))
+        continue;
+      const double released = 1.5 * elastic.shear_modulus * (lane(mean, k) + 1.0 - lane(x, k));
+      const double increment = lane(increments, k);
+      const double spent = released - 0.5 * increment * (lane(equivalent, k) - lane(stress_before, k));
+      set_lane(h[work], k, lane(h[work], k) + spent);
+      if (Hardening::heats)
+        set_lane(h[heat], k, lane(h[heat], k) + hardening.heating(spent));
+      set_lane(h[rise], k,
+               hardening.yield_stress(lane(h[strain], k), 0.0, lane(h[heat], k)) -
+                   hardening.initial_yield_stress);
+    }
 
     // Ḡ = J^(2/3) F⁻¹ b̄ᵉ F⁻ᵀ
     using std::expm1;

@@ -352,6 +352,36 @@ TEST_CASE("a surface that contradicts itself is rejected with what came and what
   rejected([](SurfaceMesh& m) { m.face_offset[1] = 1; }, {"face_offset[1] is 1", "0 + 2"});
   rejected([](SurfaceMesh& m) { m.face_offset[2] = 5; }, {"size of face_nodes is 4", "expected 5"});
   rejected([](SurfaceMesh& m) { m.node_id[2] = 11; }, {"11 twice", "each node once"});
+  rejected(
+      [](SurfaceMesh& m) {
+        m.coupled_nodes = {0, 0};
+      },
+      {"size of coupled_inverse_mass is 0", "expected 4"});
+  rejected(
+      [](SurfaceMesh& m)
+      {
+        m.coupled_nodes = {1, 1};
+        m.coupled_inverse_mass.resize(4);
+      },
+      {"coupled_nodes[1] is 1", "two different ones"});
+  rejected(
+      [](SurfaceMesh& m)
+      {
+        m.coupled_nodes = {1, 3};
+        m.coupled_inverse_mass.resize(4);
+      },
+      {"coupled_nodes[1] is 3", "0..2"});
+}
+
+TEST_CASE("pairs of nodes that move each other arrive as they were sent", "[link][unit]")
+{
+  SurfaceMesh m = mesh();
+  m.coupled_nodes = {0, 2};
+  m.coupled_inverse_mass = {1.0, 0.25, -0.5, 2.0};
+  const SurfaceMesh back = wire::read_surface_mesh(wire::Reader(payload_of(m), "the message"));
+  CHECK(back.coupled_nodes == m.coupled_nodes);
+  CHECK(back.coupled_inverse_mass == m.coupled_inverse_mass);
+  CHECK(back.face_nodes == m.face_nodes);
 }
 
 TEST_CASE("orders that cannot be carried out are rejected", "[link][unit]")

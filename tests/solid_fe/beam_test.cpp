@@ -190,30 +190,30 @@ TEST_CASE("faces follow the wall's rotation, and forces on them do the same work
     omega.push_back(random(3.0));
   }
   beam.set_motion(u, theta, v, omega);
-  for (const auto face : {BeamFace::left, BeamFace::right})
+  for (const auto face : both_faces)
   {
     const double side = face == BeamFace::left ? 0.5 * h : -0.5 * h;
-    const auto x = beam.face_position(face), velocity = beam.face_velocity(face);
+    // A force changes the face velocity by Δt/2 × inverse mass × force, on both faces, and the kinetic energy
+    // by the force's power.
+    const double dt = 1e-3;
+    auto pushed = beam;
+    double power = 0.0;
     for (std::size_t k = 0; k < 4; ++k)
     {
       const Vec<2> expected = Vec<2>{{static_cast<double>(k) / 3.0, 0.0}} + u[k] +
                               side * Vec<2>{{-std::sin(theta[k]), std::cos(theta[k])}};
-      CHECK(norm(x[k] - expected) < 1e-15);
+      CHECK(norm(beam.face_position(face, k) - expected) < 1e-15);
       const Vec<2> turning = (side * omega[k]) * Vec<2>{{-std::cos(theta[k]), -std::sin(theta[k])}};
-      CHECK(norm(velocity[k] - v[k] - turning) < 1e-15);
-    }
-    // A force changes the face velocity by Δt/2 × inverse mass × force, and the kinetic energy by the force's
-    // power.
-    const double dt = 1e-3;
-    auto pushed = beam;
-    pushed.add_face_force(face, f, dt);
-    const auto inverse = beam.face_inverse_mass(face);
-    double power = 0.0;
-    for (std::size_t k = 0; k < 4; ++k)
-    {
-      const auto after = pushed.face_velocity(face)[k];
-      CHECK(norm(after - velocity[k] - (0.5 * dt) * (inverse[k] * f[k])) < 1e-13 * norm(after));
-      power += 0.5 * dt * dot(f[k], 0.5 * (after + velocity[k]));
+      CHECK(norm(beam.face_velocity(face, k) - v[k] - turning) < 1e-15);
+      pushed.add_face_force(face, k, f[k], dt);
+      for (const auto seen : both_faces)
+      {
+        const auto before = beam.face_velocity(seen, k), after = pushed.face_velocity(seen, k);
+        CHECK(norm(after - before - (0.5 * dt) * (beam.face_inverse_mass(seen, face, k) * f[k])) <
+              1e-13 * norm(after));
+        if (seen == face)
+          power += 0.5 * dt * dot(f[k], 0.5 * (after + before));
+      }
     }
     CHECK(pushed.kinetic_energy() - beam.kinetic_energy() == Approx(power).epsilon(1e-10));
   }

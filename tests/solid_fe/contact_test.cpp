@@ -33,6 +33,17 @@ struct WallImpulse
   }
 };
 
+/// Balance without the scheme's own Δt²/8 a·M a, which the dead stops of impulse contact make large for a
+/// step.
+template <int dim>
+double closed_balance(const Solid<dim>& solid, double dt)
+{
+  double balance = solid.energies().balance();
+  for (std::size_t n = 0; n < solid.nodes().X.size(); ++n)
+    balance -= 0.125 * dt * dt * solid.nodes().m[n] * norm_squared(solid.nodes().a[n]);
+  return balance;
+}
+
 std::vector<double> zeros(int dim) { return std::vector<double>(static_cast<std::size_t>(dim), 0.0); }
 
 /// Put mesh `b` beside mesh `a`; their surfaces get the prefixes.
@@ -64,6 +75,8 @@ Mesh<dim> together(Mesh<dim> a, const Mesh<dim>& b)
 
 // Newton for the whole is exact in the scheme: m Δv = Σ Δt ½ (F + F_old) when v is taken at the same
 // instants. The energy identity holds up to Δt²/8 a·M a and O(Δt²) of the penalty springs' switching: 1 %.
+// Impulses are dead stops of the nodes: they take what the nodes' own masses had, the share 1/(2 n) with n
+// layers of elements (here 3: 17 %, once more in part at later touches of the shaken block), and never give.
 TEMPLATE_TEST_CASE_SIG("a block that bounces off a wall balances impulse and energy", "[solid][unit]",
                        ((int dim), dim), 2, 3)
 {
@@ -76,24 +89,36 @@ TEMPLATE_TEST_CASE_SIG("a block that bounces off a wall balances impulse and ene
     config.wall[0].point[1] = -0.01;
     config.wall[0].normal[1] = 3.0; // any length
     config.step_safety = 0.8;
+    config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
+    const bool impulses = config.contact_method == ContactMethod::impulse;
     Solid<dim> solid(config, distorted_box<dim>(type));
     const double p0 = solid.linear_momentum()[1], E0 = solid.energies().kinetic,
                  dt = 0.8 * solid.critical_time_step();
     WallImpulse<dim> impulse{};
-    double drift = 0.0;
+    double drift = 0.0, deepest = 0.0, contact = 0.0;
     for (int k = 0; k < 5000 && (k < 100 || norm(impulse.last) > 0.0 || solid.linear_momentum()[1] < 0.0);
          ++k)
     {
       step(solid, dt);
       impulse.add(solid, dt);
-      drift = std::max(drift, std::abs(solid.energies().balance() / E0 - 1.0));
+      drift = std::max(drift, std::abs(closed_balance(solid, dt) / E0 - 1.0));
+      if (impulses)
+      {
+        CHECK(solid.energies().contact > contact - 1e-9 * E0); // it only takes
+        contact = solid.energies().contact;
+        for (std::size_t n = 0; n < solid.nodes().X.size(); ++n)
+          deepest = std::max(deepest, -0.01 - solid.nodes().X[n][1] - solid.nodes().u[n][1]);
+      }
     }
-    INFO(element_name(type) << ": energy drift " << drift << ", rebound "
+    INFO(element_name(type) << (impulses ? ", impulses" : ", penalty") << ": depth " << deepest
+                            << ", energy drift " << drift << ", rebound "
                             << solid.linear_momentum()[1] / -p0);
     CHECK(solid.linear_momentum()[1] > 0.5 * -p0); // it has bounced
     CHECK(solid.linear_momentum()[1] - p0 == Approx(impulse.total[1]).epsilon(1e-11));
     CHECK(drift < 0.01);
-    CHECK(std::abs(solid.energies().contact) < 0.01 * E0); // the springs gave back what they took
+    CHECK(deepest < 1e-12);
+    // The springs gave back what they took.
+    CHECK(std::abs(solid.energies().contact) < (impulses ? 0.21 : 0.01) * E0);
   }
 }
 
@@ -103,6 +128,7 @@ TEST_CASE("a bouncing ring balances impulse and energy", "[solid][unit]")
 {
   auto config = soft_config(2, "neo_hookean_ln");
   config.formulation = Formulation::one_point;
+  config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
   config.initial_velocity = {0.3, -3.0};
   config.wall.push_back({.point = {0.0, -1.02}, .normal = {0.0, 1.0}, .friction = 0.2, .on = ""});
   auto mesh = box_mesh<2>({}, {{1.0, 0.2}}, {60, 3}, ElementType::quadrilateral4);
@@ -137,7 +163,7 @@ TEST_CASE("a bouncing ring balances impulse and energy", "[solid][unit]")
   {
     step(solid, dt);
     impulse.add(solid, dt);
-    drift = std::max(drift, std::abs(solid.energies().balance() / E0 - 1.0));
+    drift = std::max(drift, std::abs(closed_balance(solid, dt) / E0 - 1.0));
   }
   const auto gained = solid.linear_momentum() - p0 - impulse.total;
   INFO("energy drift " << drift << ", contact " << solid.energies().contact / E0 << ", p_y "
@@ -157,6 +183,7 @@ TEST_CASE("two equal bars exchange their velocities", "[solid][unit]")
   config.dim = 2;
   config.material = {.density = 1000.0, .youngs_modulus = 1e6, .poisson_ratio = 0.0, .law = "neo_hookean_ln"};
   config.contact = {{.nodes = "a_right", .surface = "b_left", .friction = 0.0}};
+  config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
   const auto bar = [](double x0) {
     return box_mesh<2>({{x0, 0.0}}, {{1.0, 0.05}}, {100, 5}, ElementType::quadrilateral4);
   };
@@ -170,7 +197,7 @@ TEST_CASE("two equal bars exchange their velocities", "[solid][unit]")
   while (solid.time() < gap / v0 + 2.5 / c)
   {
     step(solid, dt);
-    drift = std::max(drift, std::abs(solid.energies().balance() / E0 - 1.0));
+    drift = std::max(drift, std::abs(closed_balance(solid, dt) / E0 - 1.0));
   }
   double left = 0.0, right = 0.0;
   for (std::size_t n = 0; n < solid.nodes().X.size(); ++n)
@@ -189,6 +216,7 @@ TEST_CASE("a block bounces off a slab of facets", "[solid][unit]")
 {
   auto config = soft_config(3, "neo_hookean_ln");
   config.contact = {{.nodes = "a_bottom", .surface = "b_top", .friction = 0.1}};
+  config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
   config.fix = {{"b_bottom", {"x", "y", "z"}}};
   for (const auto type : element_types<3>())
   {
@@ -206,7 +234,7 @@ TEST_CASE("a block bounces off a slab of facets", "[solid][unit]")
     while (solid.time() < 0.15)
     {
       step(solid, dt);
-      drift = std::max(drift, std::abs(solid.energies().balance() / E0 - 1.0));
+      drift = std::max(drift, std::abs(closed_balance(solid, dt) / E0 - 1.0));
     }
     block_velocity = 0.0;
     for (std::size_t n = 0; n < solid.nodes().X.size(); ++n)
@@ -230,6 +258,7 @@ TEST_CASE("a sliding block is slowed by Coulomb's friction", "[solid][unit]")
   config.material.mass_damping = 0.0;
   config.initial_velocity = {1.0, 0.0};
   config.wall.push_back({.point = {0.0, 0.0}, .normal = {0.0, 1.0}, .friction = 0.3, .on = "bottom"});
+  config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
   Solid<2> solid(config, box_mesh<2>({}, {{0.5, 0.2}}, {5, 2}, ElementType::quadrilateral4));
   const double dt = solid.critical_time_step();
   while (solid.time() < 0.2)
@@ -241,6 +270,83 @@ TEST_CASE("a sliding block is slowed by Coulomb's friction", "[solid][unit]")
   CHECK(std::abs(solid.linear_momentum()[0] / solid.mass()) < 0.02);
   CHECK(solid.energies().contact ==
         Approx(0.5 * solid.mass()).epsilon(0.05)); // all of ½ m v² went into friction
+}
+
+// A slotted block whose two arms are thrown at each other: the slot's surface touches itself. No force from
+// outside: momentum and angular momentum stay, to round-off and to the gap that the forces act across;
+// nothing passes.
+TEST_CASE("the arms of a slotted block touch each other", "[solid][unit]")
+{
+  auto config = soft_config(2, "neo_hookean_ln");
+  config.contact = {{.nodes = "slot", .surface = "slot", .friction = 0.0}};
+  config.contact_method = GENERATE(ContactMethod::penalty, ContactMethod::impulse);
+  const bool impulses = config.contact_method == ContactMethod::impulse;
+  const double h = 0.1;
+  auto mesh = box_mesh<2>({}, {{16 * h, 5 * h}}, {16, 5}, ElementType::quadrilateral4);
+  std::vector<index_t> kept;
+  for (index_t e = 0; e < mesh.blocks[0].size(); ++e)
+  {
+    Vec<2> middle;
+    for (std::size_t a = 0; a < 4; ++a)
+      middle +=
+          0.25 * mesh.x[static_cast<std::size_t>(mesh.blocks[0].nodes[static_cast<std::size_t>(4 * e) + a])];
+    if (middle[0] < 3 * h || std::abs(middle[1] - 2.5 * h) > 0.5 * h)
+      kept.insert(kept.end(), mesh.blocks[0].nodes.begin() + 4 * e, mesh.blocks[0].nodes.begin() + 4 * e + 4);
+  }
+  mesh.blocks[0].nodes = kept;
+  mesh.surfaces.clear();
+  const auto boundary = boundary_of(mesh);
+  for (std::size_t f = 0; f + 1 < boundary.offset.size(); ++f)
+  {
+    const auto in_slot = [&](std::size_t a)
+    {
+      const auto& X = mesh.x[static_cast<std::size_t>(boundary.nodes[2 * f + a])];
+      return X[0] > 2.9 * h && std::abs(X[1] - 2.5 * h) < 0.6 * h;
+    };
+    if (in_slot(0) && in_slot(1))
+    {
+      auto& slot = mesh.surfaces["slot"];
+      slot.nodes.insert(slot.nodes.end(), {boundary.nodes[2 * f], boundary.nodes[2 * f + 1]});
+      slot.offset.push_back(static_cast<index_t>(slot.nodes.size()));
+    }
+  }
+  REQUIRE(mesh.surfaces.at("slot").size() == 13 + 1 + 13);
+  Solid<2> solid(config, mesh);
+  solid.set_motion(zero_field<2>(),
+                   [&](const Vec<2>& X)
+                   {
+                     const double s = std::max(0.0, X[0] - 3 * h) / (13 * h);
+                     return Vec<2>{{0.0, (X[1] < 2.5 * h ? 2.4 : -2.0) * s * s}};
+                   });
+  const auto p0 = solid.linear_momentum();
+  const double L0 = solid.angular_momentum()[2], E0 = solid.energies().kinetic,
+               dt = 0.8 * solid.critical_time_step();
+  double drift = 0.0, closest = 1.0, contact = 0.0;
+  while (solid.time() < 0.3)
+  {
+    step(solid, dt);
+    const auto e = solid.energies();
+    drift = std::max(drift, std::abs(closed_balance(solid, dt) / E0 - 1.0));
+    if (impulses)
+      CHECK(e.contact > contact - 1e-3 * E0); // turning normals: the theorem holds for the step's own
+    contact = e.contact;
+    for (std::size_t n = 0; n < mesh.x.size(); ++n) // the tips, the same distance from the clamped end
+      for (std::size_t k = 0; k < mesh.x.size(); ++k)
+        if (const auto& a = solid.nodes().X[n], &b = solid.nodes().X[k]; a[0] > 15.9 * h && b[0] > 15.9 * h &&
+                                                                         std::abs(a[1] - 3 * h) < 1e-9 &&
+                                                                         std::abs(b[1] - 2 * h) < 1e-9)
+          closest = std::min(closest, a[1] + solid.nodes().u[n][1] - b[1] - solid.nodes().u[k][1]);
+  }
+  INFO((impulses ? "impulses" : "penalty")
+       << ": closest " << closest << ", contact " << contact / E0 << ", drift " << drift << ", spin "
+       << solid.angular_momentum()[2] / L0 - 1.0 << ", searches " << solid.contact()->searches());
+  CHECK(closest < 0.05 * h);                       // they have met
+  CHECK(closest > (impulses ? -0.005 : -0.3) * h); // and stayed on their sides
+  CHECK(norm(solid.linear_momentum() - p0) < 1e-11 * norm(p0));
+  CHECK(std::abs(solid.angular_momentum()[2] / L0 - 1.0) < 1e-3);
+  CHECK(drift < 0.01);
+  CHECK(contact <
+        (impulses ? 0.35 : 0.05) * E0); // two layers of elements in an arm: a quarter of its mass stops dead
 }
 
 TEST_CASE("formulas drive velocities, tractions, pressures and body forces", "[solid][unit]")

@@ -150,7 +150,7 @@ TEMPLATE_TEST_CASE_SIG("wet nodes and the elements that touch them come first", 
     auto config = soft_config(dim, "linear");
     config.wet = {{"front_side", "right"}, {"lid", "top"}};
     const auto mesh = distorted_box<dim>(type);
-    const Solid<dim> solid(config, mesh);
+    Solid<dim> solid(config, mesh);
     std::set<index_t> wet;
     for (const auto* name : {"right", "top"})
       for (const index_t n : mesh.surfaces.at(name).node_set())

@@ -128,30 +128,38 @@ TEST_CASE("a rotation on the way changes nothing but the frame", "[solid][unit]"
         Approx(h[static_cast<std::size_t>(J2::strain_at(3))]).epsilon(1e-11));
 }
 
-// Work of the stress = elastic energy + plastic work; the trapezoidal rule over 4000 steps leaves O(Δt²)
-// where the path is smooth and one kink at yield.
+// Work of the stress = elastic energy + plastic work, to second order in the step: the trapezoidal rule,
+// kinks at yield, unloading and new yield included. Along random paths and along tension, where tr n³ is
+// largest.
 TEST_CASE("the work of the stress is stored or dissipated", "[solid][unit]")
 {
-  const auto law = J2::from(copper);
-  History3<J2> h{};
   auto rate = Random(7).matrix<3>(1.0);
   rate -= (trace(rate) / 3.0) * Mat<3>::identity(); // nearly isochoric: the volume would hide the rest
-  const int steps = 4000;
-  Mat<3> H, P;
-  double work = 0.0;
-  for (int k = 1; k <= steps; ++k)
+  if (GENERATE(true, false))
+    rate = Mat<3>{{1.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.0, -0.5}};
+  const auto imbalance = [&](int steps)
   {
-    const double s = 0.3 * k / steps;
-    const auto H_new = (s < 0.2 ? s : 0.4 - s) * rate; // forth and a part back
-    const auto P_new = law.first_piola(H_new, h, 1e-6);
-    work += 0.5 * contract(P + P_new, H_new - H);
-    H = H_new;
-    P = P_new;
-  }
-  const double stored = law.strain_energy(H, h), plastic = law.dissipated<3>(h);
-  CHECK(plastic > 0.5 * work);
-  CHECK(stored + plastic ==
-        Approx(work).epsilon(2e-3)); // backward Euler: first order in the step, 1e-4 of strain each
+    const auto law = J2::from(copper);
+    History3<J2> h{};
+    Mat<3> H, P;
+    double work = 0.0;
+    for (int k = 1; k <= steps; ++k)
+    {
+      const double s = 0.3 * k / steps;
+      const auto H_new = (s < 0.2 ? s : 0.4 - s) * rate; // forth and a part back
+      const auto P_new = law.first_piola(H_new, h, 1e-6);
+      work += 0.5 * contract(P + P_new, H_new - H);
+      H = H_new;
+      P = P_new;
+    }
+    const double stored = law.strain_energy(H, h), plastic = law.dissipated<3>(h);
+    CHECK(plastic > 0.5 * work);
+    return std::abs(stored + plastic - work) / work;
+  };
+  const double coarse = imbalance(400), fine = imbalance(1600);
+  INFO("imbalance " << coarse << " -> " << fine);
+  CHECK(coarse < 2e-4); // kinks: half a step's stress times a step's strain each, 2e-4 of the work at most
+  CHECK(fine < coarse / 2.0);
 }
 
 TEST_CASE("plane strain plasticity is 3-D plasticity with F33 = 1", "[solid][unit]")
@@ -284,8 +292,8 @@ TEST_CASE("no plasticity happens below yield, and the answer is that of the elas
       REQUIRE(lanes[k] == 0.0);
 }
 
-// Backward Euler dissipates a little less than the trapezoidal work says: first order in the strain per step,
-// here up to a third of the yield strain. Only bounds are claimed: errors of both signs take part.
+// Second order in the strain per step, here up to a third of the yield strain, with a kink per element at
+// each yield.
 TEMPLATE_TEST_CASE_SIG("the energy balance closes with plastic work", "[solid][unit]", ((int dim), dim), 2, 3)
 {
   for (const auto formulation : {Formulation::full, Formulation::one_point, Formulation::locking_free})
@@ -324,8 +332,8 @@ TEMPLATE_TEST_CASE_SIG("the energy balance closes with plastic work", "[solid][u
       return worst;
     };
     const double coarse = imbalance(0.5), fine = imbalance(0.25);
-    INFO("imbalance " << coarse << " -> " << fine);
-    CHECK(coarse < 0.03);
-    CHECK(fine < 0.015);
+    INFO("form " << static_cast<int>(formulation) << ": imbalance " << coarse << " -> " << fine);
+    CHECK(coarse < 0.02);
+    CHECK(fine < coarse / 2.5);
   }
 }

@@ -68,6 +68,13 @@ class Failures(programs.SystemTest):
         ended = self.run_until_it_moves(line, "solid_fe", signal.SIGSTOP, STALL + MARGIN)
         self.expect(ended, STALL + MARGIN, (36,), [f"error: 'solid' has sent nothing for {STALL}"], program="coupler")
 
+    def test_an_inverted_element_ends_the_run_and_leaves_its_last_state(self):
+        # A law that softens under pressure, and a weight that no bar carries.
+        case = programs.ROOT / "cases" / "bar_wave" / "case.toml"
+        ended = programs.run([programs.program("solid"), str(case), "--out", str(self.out), "--set", 'solid.law="svk"', "--set", "solid.gravity=[-1e11, 0.0]"], MARGIN)
+        self.expect(ended, MARGIN, (10,), ["quadrilateral4 number", "near (", "at step", "is inverted"], program="solid")
+        self.assertGreaterEqual((self.out / "solid.xdmf").read_text().count("<Time"), 2, "no frame of the state that broke")
+
     def test_a_missing_solid_is_named(self):
         ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=[]), MARGIN)
         self.expect(ended, MARGIN, (35,), ["error: no program with role 'solid' (found: coupler x1, fluid x1)"], program="coupler")
