@@ -63,6 +63,8 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("normal", normal_);
   archive("travel_of_step", travel_of_step_);
   archive("slid", slid_);
+  archive("partner", partner_);
+  archive("partner_inverse_mass", partner_inverse_mass_);
   archive("dv_solid", dv_solid_);
   archive("impulse", impulse_);
   archive("report", report_);
