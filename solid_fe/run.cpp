@@ -228,7 +228,8 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
   require_same_interfaces(setup, surface);
   const bool in_contact = setup.scheme == link::contact_scheme;
   link.send_mesh(surface);
-  if (persistence.restarts()) // a beam's surface was told its present rotations; the coupler has those of the checkpoint
+  if (persistence.restarts()) // a beam's surface was told its present rotations; the coupler has those of the
+                              // checkpoint
     persistence.restore(state);
 
   const double started = seconds_now(), waited = link.wait_seconds();
