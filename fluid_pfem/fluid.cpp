@@ -1255,6 +1255,48 @@ void Fluid<dim>::apply_activation(const link::Activation& activation)
 }
 
 template <int dim>
+void Fluid<dim>::for_each_state(StateArchive& archive)
+{
+  nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
+  archive("elements", mesh_.elements);
+  if (archive.reading())
+    mesh_ = connect<dim>(nodes_.size(), std::move(mesh_.elements));
+  archive("contact", contact_);
+  archive("solid", solid_);
+  archive("travel", travel_);
+  archive("terms", sums_);
+  sums_.record.resize(nodes_.x.size());
+  sums_.sum.resize(nodes_.x.size());
+  delaunay_.forget(); // both runs then go on with a rebuild
+  archive("e_layer", e_layer_);
+  archive("mass_rate", mass_rate_);
+  archive("n_wet", n_wet_);
+  archive("n_layer", n_layer_);
+  archive("e_wet", e_wet_);
+  archive("constrained", constrained_);
+  archive("f_link", f_link_);
+  archive("quality", quality_);
+  archive("x_remesh", x_remesh_);
+  archive("next_id", next_id_);
+  archive("t", t_);
+  archive("dt_before", dt_before_);
+  archive("steps", steps_);
+  archive("steps_since_remesh", steps_since_remesh_);
+  archive("surface_epoch", surface_epoch_);
+  archive("ledger", ledger_);
+  archive("dissipated", dissipated_);
+  archive("remesh_gain", remesh_gain_);
+  archive("remesh_loss", remesh_loss_);
+  archive("interface_work", interface_work_);
+  archive("wall_work", wall_work_);
+  archive("impedance", impedance_);
+  archive("openings_energy", openings_energy_);
+  archive("inflow", inflow_);
+  archive("outflow", outflow_);
+  archive("turned_over", turned_over_);
+}
+
+template <int dim>
 void Fluid<dim>::set_velocity(const std::vector<Vec<dim>>& v)
 {
   require(v.size() == nodes_.v.size(), "one velocity per node");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid_config.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
@@ -127,6 +128,9 @@ public:
   link::Kinematics kinematics() const;
   /// v ← v + M⁻¹ impulse, a ← a_free + M⁻¹ link force.
   void apply_activation(const link::Activation& activation);
+
+  /// All that a later step depends on; what follows from the configuration is made by the constructor.
+  void for_each_state(StateArchive& archive);
 
   /// Overwrite velocities: initial conditions of tests and of cases.
   void set_velocity(const std::vector<Vec<dim>>& v);

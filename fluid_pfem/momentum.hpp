@@ -55,6 +55,13 @@ struct ElementSums
 
   /// Records and sums for n nodes, all zero; no body force.
   void reset(index_t n);
+
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("body", body);
+    archive("dissipation", dissipation);
+  }
 };
 
 /// Records of nodes [begin, end): velocities at the half step, accelerations of the last instant.
