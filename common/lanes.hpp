@@ -7,6 +7,9 @@
 #include <cstdint>
 #include <initializer_list>
 #include <type_traits>
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
 
 namespace undine
 {
@@ -57,12 +60,16 @@ public:
   {
     return condition ? yes.x_ : no.x_;
   }
-  friend Lanes sqrt(const Lanes& a)
+  friend Lanes sqrt(const Lanes& a) // no builtin for vectors: left alone, GCC takes eight roots one by one
   {
+#if defined(__AVX512F__)
+    return Numbers(_mm512_sqrt_pd(__m512d(a.x_)));
+#else
     Lanes y;
-    for (int k = 0; k < size; ++k) // the compiler makes one instruction of it
+    for (int k = 0; k < size; ++k)
       y.x_[k] = __builtin_sqrt(a.x_[k]);
     return y;
+#endif
   }
 
 private:
@@ -72,13 +79,65 @@ private:
 inline bool any(bool condition) { return condition; }
 inline bool any(const Lanes::Mask& condition)
 {
-  std::int64_t bits = 0;
-  for (int k = 0; k < Lanes::size; ++k)
-    bits |= condition[k];
-  return bits != 0;
+  const auto four = __builtin_shufflevector(condition, condition, 0, 1, 2, 3) |
+                    __builtin_shufflevector(condition, condition, 4, 5, 6, 7);
+  const auto two = __builtin_shufflevector(four, four, 0, 1) | __builtin_shufflevector(four, four, 2, 3);
+  return (two[0] | two[1]) != 0;
 }
 /// condition ? yes : no, for numbers that may be Lanes.
 inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
+
+inline Lanes max(const Lanes& a, const Lanes& b) { return select(a > b, a, b); }
+inline Lanes abs(const Lanes& a) { return max(a, -a); }
+
+/// Eight rows of eight numbers become columns: lane e of column[k] is row[e][k], k < 8. Rows are aligned to
+/// 64 bytes.
+inline void load_columns(const double* const (&row)[Lanes::size], Lanes* column)
+{
+  using Eight = Lanes::Numbers;
+  Eight a[8], b[8];
+  for (int e = 0; e < 8; ++e)
+    a[e] = *reinterpret_cast<const Eight*>(row[e]);
+  for (int e = 0; e < 8; e += 2) // pairs of numbers of two rows …
+  {
+    b[e] = __builtin_shufflevector(a[e], a[e + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+    b[e + 1] = __builtin_shufflevector(a[e], a[e + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+  for (int e = 0; e < 8; e += 4) // … of four …
+    for (int k = 0; k < 2; ++k)
+    {
+      a[e + k] = __builtin_shufflevector(b[e + k], b[e + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+      a[e + k + 2] = __builtin_shufflevector(b[e + k], b[e + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+  for (int k = 0; k < 4; ++k) // … of eight
+  {
+    column[k] = __builtin_shufflevector(a[k], a[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+    column[k + 4] = __builtin_shufflevector(a[k], a[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+}
+
+/// Four numbers that are added together.
+typedef double FourNumbers __attribute__((vector_size(4 * sizeof(double))));
+
+/// Four columns become eight rows: row[e][k] is lane e of column k.
+inline void store_rows(const Lanes (&column)[4], FourNumbers (&row)[Lanes::size])
+{
+  using Eight = Lanes::Numbers;
+  const Eight c0 = column[0].numbers(), c1 = column[1].numbers(), c2 = column[2].numbers(),
+              c3 = column[3].numbers();
+  const Eight even01 = __builtin_shufflevector(c0, c1, 0, 8, 2, 10, 4, 12, 6, 14),
+              odd01 = __builtin_shufflevector(c0, c1, 1, 9, 3, 11, 5, 13, 7, 15),
+              even23 = __builtin_shufflevector(c2, c3, 0, 8, 2, 10, 4, 12, 6, 14),
+              odd23 = __builtin_shufflevector(c2, c3, 1, 9, 3, 11, 5, 13, 7, 15);
+  row[0] = __builtin_shufflevector(even01, even23, 0, 1, 8, 9);
+  row[1] = __builtin_shufflevector(odd01, odd23, 0, 1, 8, 9);
+  row[2] = __builtin_shufflevector(even01, even23, 2, 3, 10, 11);
+  row[3] = __builtin_shufflevector(odd01, odd23, 2, 3, 10, 11);
+  row[4] = __builtin_shufflevector(even01, even23, 4, 5, 12, 13);
+  row[5] = __builtin_shufflevector(odd01, odd23, 4, 5, 12, 13);
+  row[6] = __builtin_shufflevector(even01, even23, 6, 7, 14, 15);
+  row[7] = __builtin_shufflevector(odd01, odd23, 6, 7, 14, 15);
+}
 
 /// ln(1 + x), x > −1, relative error below 2e-16 · 2 (the polynomial is that of fdlibm's e_log.c). NaN for x
 /// < −1.

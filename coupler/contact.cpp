@@ -40,6 +40,38 @@ UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const 
 }
 
 template <int dim>
+void UnilateralContact<dim>::for_each_state(StateArchive& archive)
+{
+  archive("solid_x", solid_mesh_.x);
+  archive("solid_epoch", solid_mesh_.epoch);
+  archive("x", x_);
+  archive("inverse_mass", inverse_mass_);
+  archive("before", before_);
+  archive("after", after_);
+  archive("candidates", candidates_);
+  archive("candidate_offset", candidate_offset_);
+  archive("reach", reach_);
+  archive("travelled", travelled_);
+  archive("search_due", search_due_);
+  archive("last_impulse", last_impulse_);
+  archive("faces", faces_);
+  archive("side", side_);
+  archive("x_end", x_end_);
+  archive("active", active_);
+  archive("active_built", active_built_);
+  archive("mortar", mortar_);
+  archive("normal", normal_);
+  archive("travel_of_step", travel_of_step_);
+  archive("slid", slid_);
+  archive("partner", partner_);
+  archive("partner_inverse_mass", partner_inverse_mass_);
+  archive("dv_solid", dv_solid_);
+  archive("impulse", impulse_);
+  archive("report", report_);
+  archive("balance", balance_);
+}
+
+template <int dim>
 void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
 {
   x_ = as_points(fluid.x);

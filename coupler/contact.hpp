@@ -68,6 +68,7 @@ public:
   const ContactReport& report() const { return report_; }
   const InterfaceBalance& balance() const { return balance_; }
   InterfaceBalance& balance() { return balance_; }
+  void for_each_state(StateArchive& archive);
 
 private:
   struct Row

@@ -70,7 +70,8 @@ void CouplerOutput::observe(const WindowRecord& r)
   if (start)
   {
     total_at_start_ = total_now_;
-    gauges_.emplace(output_, probes_, r.solid_surface);
+    solid_at_start_ = r.solid_surface;
+    gauges_.emplace(output_, probes_, solid_at_start_);
   }
   else
     gauges_->observe(t_, r.plan.t_end - r.plan.t_begin, r.solid_force, r.solid_surface);
@@ -123,6 +124,30 @@ void CouplerOutput::observe(const WindowRecord& r)
   show_progress(r);
 }
 
+void CouplerOutput::for_each_state(StateArchive& archive)
+{
+  archive("energy", energy_);
+  archive("interface", interface_);
+  archive_surface(archive, "solid_at_start", solid_at_start_);
+  if (archive.reading())
+    gauges_.emplace(output_, probes_, solid_at_start_);
+  archive("gauges", gauges_);
+  archive("next_row", next_row_);
+  archive("total_at_start", total_at_start_);
+  archive("largest_energy", largest_energy_);
+  archive("total_now", total_now_);
+  archive("t", t_);
+  archive("windows", windows_);
+  archive("substeps_least", substeps_least_);
+  archive("substeps_most", substeps_most_);
+  archive("fine_steps", fine_steps_);
+  archive("balance", balance_);
+  archive("largest_jump", largest_jump_);
+  archive("largest_gap", largest_gap_);
+  archive("largest_window", largest_window_);
+  archive("stalled", stalled_);
+}
+
 void CouplerOutput::show_progress(const WindowRecord& r)
 {
   using seconds = std::chrono::duration<double>;
@@ -153,7 +178,7 @@ void CouplerOutput::write_summary(const std::string& status) const
   const double scale = largest_energy_ > 0.0 ? largest_energy_ : 1.0;
   Summary s;
   s.set("status", status);
-  s.set("exit_code", 0);
+  s.set("exit_code", status == "completed" ? 0 : static_cast<int>(ExitCode::stopped));
   s.set("t_end", t_);
   s.set("wall_s", wall);
   s.set("windows", windows_);

@@ -37,6 +37,8 @@ public:
   void observe(const WindowRecord& record);
   /// @param status "completed" or "stopped"
   void write_summary(const std::string& status) const;
+  void for_each_state(StateArchive& archive);
+  double time() const { return t_; } ///< of the last record [s]
 
 private:
   void show_progress(const WindowRecord& record);
@@ -47,6 +49,7 @@ private:
   std::vector<History> interface_;
   std::vector<ProbeConfig> probes_;
   std::optional<SurfaceGauges> gauges_; ///< from the first record on
+  link::SurfaceMesh solid_at_start_;    ///< where they were placed
   bool on_terminal_;
   std::chrono::steady_clock::time_point begin_, last_progress_;
   double next_row_ = 0.0;

@@ -30,12 +30,28 @@ public:
   /// surface then.
   void observe(double t, double dt, std::span<const double> f, const link::SurfaceMesh& solid);
 
+  void for_each_state(StateArchive& archive)
+  {
+    archive("next", next_);
+    archive("since", since_);
+    archive("forces", forces_);
+    archive("pressures", pressures_);
+    archive("normal", normal_);
+  }
+
 private:
   struct Force
   {
     std::vector<std::int32_t> nodes;
     std::array<double, 3> impulse{}, angular{};
     History history;
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("impulse", impulse);
+      archive("angular", angular);
+      archive("history", history);
+    }
   };
   struct Pressure
   {
@@ -43,6 +59,13 @@ private:
     double impulse = 0.0; ///< ∫ of the force against the outward normal [N s]
     double area = 0.0;    ///< ∫ of the patch's area over time [m^(dim−1) s]
     History history;
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("impulse", impulse);
+      archive("area", area);
+      archive("history", history);
+    }
   };
   void measure_nodes(const link::SurfaceMesh& solid);
 

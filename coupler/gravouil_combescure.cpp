@@ -140,6 +140,19 @@ void GravouilCombescure::restore(const State& state)
   }
 }
 
+void GravouilCombescure::for_each_state(StateArchive& archive)
+{
+  archive("lambda", lambda_);
+  archive("v", v_);
+  archive("f", f_);
+  archive("travel", travel_);
+  archive("impulse", impulse_);
+  archive("balance", balance_);
+  archive("factorisations", factorisations_);
+  archive("window_force", window_force_);
+  archive("window_time", window_time_);
+}
+
 void GravouilCombescure::advance(const WindowSteps& steps, Partner& fluid, Partner& solid)
 {
   const Side c = steps.coarse(), q = steps.fine;

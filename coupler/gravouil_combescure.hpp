@@ -14,6 +14,7 @@
 // Meduri et al. (2017), sec. 4.
 #pragma once
 
+#include "common/io/state_archive.hpp"
 #include "coupler/interface_operator.hpp"
 #include "coupler/partner.hpp"
 
@@ -94,6 +95,8 @@ public:
   };
   State state() const { return {v_, f_}; }
   void restore(const State& state);
+
+  void for_each_state(StateArchive& archive);
 
   /// ∫v dt of the wet nodes of a side since the wet nodes were last replaced [m].
   const Vector& travel(Side side) const { return travel_[side]; }

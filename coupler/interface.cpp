@@ -165,4 +165,49 @@ InterfaceOperator Interface::build()
   return {std::move(side[Side::fluid]), std::move(side[Side::solid])};
 }
 
+void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& m)
+{
+  archive(name + "/dim", m.dim);
+  archive(name + "/epoch", m.epoch);
+  archive(name + "/interfaces", m.interfaces);
+  archive(name + "/node_id", m.node_id);
+  archive(name + "/x", m.x);
+  archive(name + "/inverse_mass", m.inverse_mass);
+  archive(name + "/face_offset", m.face_offset);
+  archive(name + "/face_nodes", m.face_nodes);
+  archive(name + "/face_interface", m.face_interface);
+}
+
+InterfaceOperator Interface::build_again()
+{
+  const std::array<std::vector<double>, 2> now{surface_[0].x, surface_[1].x};
+  const std::int64_t builds = builds_;
+  for (const Side s : both_sides)
+    surface_[s].x = x_built_[s];
+  InterfaceOperator H = build();
+  for (const Side s : both_sides)
+    surface_[s].x = now[s];
+  builds_ = builds;
+  return H;
+}
+
+void Interface::for_each_state(StateArchive& archive)
+{
+  for (const Side s : both_sides)
+  {
+    link::SurfaceMesh& m = surface_[s];
+    const std::string side = s == Side::fluid ? "fluid_" : "solid_";
+    auto node_id = m.node_id;
+    archive(side + "node_id", node_id);
+    if (node_id != m.node_id)
+      throw Failure(ExitCode::bad_input_file,
+                    fmt::format("restart: the wet nodes that the {} has sent are not those of the checkpoint",
+                                s == Side::fluid ? "fluid" : "solid"));
+    archive_surface(archive, side + "surface", m);
+    archive(side + "x_message", x_message_[s]);
+    archive(side + "x_built", x_built_[s]);
+  }
+  archive("builds", builds_);
+}
+
 } // namespace undine::coupler

@@ -3,6 +3,7 @@
 
 #include "common/config/coupling_config.hpp"
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
 #include "coupler/interface_operator.hpp"
 
 #include <array>
@@ -27,6 +28,9 @@ struct InterfaceReport
   std::pair<int, int> rows{0, 0};    ///< its rows of the operator
 };
 
+/// Hand over a wet surface.
+void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& surface);
+
 /// The interfaces of a case on two wet surfaces that move.
 class Interface
 {
@@ -49,6 +53,9 @@ public:
   bool has_deformed() const;
   /// Operator of the present surfaces.
   InterfaceOperator build();
+  /// Operator of the surfaces as they were at the last build: what a restart needs.
+  InterfaceOperator build_again();
+  void for_each_state(StateArchive& archive);
 
   const link::SurfaceMesh& surface(Side side) const { return surface_[side]; }
   const std::vector<InterfaceReport>& report() const { return report_; }

@@ -40,12 +40,12 @@ void require_level(const CouplingConfig& coupling, const link::World& world)
                      solid + " gives free velocities (level B); write coupling.scheme = \"gc\"");
 }
 
-void start(Launch& launch)
+ExitCode start(Launch& launch)
 {
   if (launch.line.document_keys)
   {
     std::fputs(launch.file.documentation().c_str(), stdout);
-    return;
+    return ExitCode::success;
   }
   if (!launch.coupling.present)
     throw InputError(launch.file.path() +
@@ -55,7 +55,7 @@ void start(Launch& launch)
     fmt::print("coupler: {} interface(s), scheme {}, t = {:.6g} to {:.6g} s\n",
                launch.coupling.interfaces.size(), launch.coupling.scheme, launch.run.t_begin,
                launch.run.t_end);
-    return;
+    return ExitCode::success;
   }
   const link::World world = launch.meet({"fluid", "solid"});
   require_level(launch.coupling, world);
@@ -64,9 +64,22 @@ void start(Launch& launch)
   log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"),
             world.solver_of("solid"));
 
-  const coupler::CouplerConfig config{
+  coupler::CouplerConfig config{
       .run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
+  if (launch.restart)
+  {
+    config.restart = launch.restart->folder;
+    config.t_start = launch.restart->manifest.t;
+    log->info("continues from {}, t = {:.9g} s", config.restart, config.t_start);
+    if (const std::string warning = launch.restart_warning(); !warning.empty())
+      log->warn(warning);
+  }
   coupler::CouplerOutput output(launch.output, config, launch.probes);
+  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
+  const Persistence persistence{.role = launch.role,
+                                .from = launch.restart ? &*launch.restart : nullptr,
+                                .checkpoints = &checkpoints,
+                                .output = [&](StateArchive& archive) { archive("output", output); }};
   try
   {
     const auto run = launch.coupling.has_contact()    ? coupler::run_contact
@@ -83,9 +96,25 @@ void start(Launch& launch)
                         i.name, i.multipliers, i.multiplier_side == coupler::Side::fluid ? "fluid" : "solid",
                         i.measure[0], i.covered[0], i.measure[1], i.covered[1], i.largest_gap);
           output.observe(r);
+        },
+        persistence,
+        [&](const std::string& text)
+        {
+          log->warn(text);
+          fmt::print(stderr, "warning: {}\n", text);
         });
-    output.write_summary(fluid.stop_requested() || solid.stop_requested() ? "stopped" : "completed");
-    log->info("done: {} windows", windows);
+    std::string reason = checkpoints.stop_reason();
+    for (const link::PartnerLink* p : {&fluid, &solid})
+      if (p->stop_requested())
+        reason = "'" + p->role() + "': " + p->stop_reason();
+    const bool stopped = output.time() < launch.run.t_end;
+    output.write_summary(stopped ? "stopped" : "completed");
+    log->info("{} after {} windows, t = {:.9g} s{}", stopped ? "stopped" : "done", windows, output.time(),
+              stopped ? " (" + reason + ")" : "");
+    if (stopped)
+      fmt::print(stderr, "stopped at t = {:.9g} s: {}; continue with --restart latest\n", output.time(),
+                 reason);
+    return stopped ? ExitCode::stopped : ExitCode::success;
   }
   catch (const Failure& failure)
   {

@@ -16,13 +16,22 @@ Vector as_vector(const std::vector<double>& v)
 
 std::vector<double> as_std(const Vector& v) { return {v.data(), v.data() + v.size()}; }
 
+link::Setup setup_of(const CouplerConfig& config)
+{
+  link::Setup setup{.dim = config.run.dim,
+                    .t_begin = config.restart.empty() ? config.run.t_begin : config.t_start,
+                    .t_end = config.run.t_end,
+                    .restart = config.restart};
+  for (const auto& i : config.coupling.interfaces)
+    setup.interfaces.push_back(i.name);
+  return setup;
+}
+
 std::pair<Interface, InterfaceOperator> exchange_surfaces(const CouplerConfig& config,
                                                           const std::array<link::PartnerLink*, 2>& partner,
                                                           const std::array<std::string, 2>& scheme)
 {
-  link::Setup setup{.dim = config.run.dim, .t_begin = config.run.t_begin, .t_end = config.run.t_end};
-  for (const auto& i : config.coupling.interfaces)
-    setup.interfaces.push_back(i.name);
+  link::Setup setup = setup_of(config);
   for (const Side s : both_sides)
   {
     setup.scheme = scheme[s];
@@ -104,8 +113,60 @@ WindowRules rules_of(const CouplingConfig& coupling)
   return rules;
 }
 
+CheckpointKeeper::CheckpointKeeper(const Persistence& persistence, std::array<link::PartnerLink*, 2> partner,
+                                   std::function<void(const std::string&)> say)
+    : persistence_(persistence), partner_(partner), say_(std::move(say))
+{
+}
+
+void CheckpointKeeper::at_start(double t, const StateVisitor& state)
+{
+  if (persistence_.checkpoints == nullptr)
+    return;
+  if (persistence_.restarts())
+    persistence_.checkpoints->continue_from(t);
+  else if (persistence_.checkpoints->wanted())
+    write(t, 0, state);
+}
+
+bool CheckpointKeeper::after_window(double t, std::int64_t windows, const StateVisitor& state)
+{
+  const bool asked = partner_[0]->stop_requested() || partner_[1]->stop_requested();
+  if (persistence_.checkpoints == nullptr)
+    return asked;
+  if (possible_ && (asked || persistence_.checkpoints->due(t)))
+    write(t, windows, state);
+  return asked || !persistence_.checkpoints->stop_reason().empty();
+}
+
+void CheckpointKeeper::write(double t, std::int64_t windows, const StateVisitor& state)
+{
+  const std::string folder = persistence_.checkpoints->begin();
+  const std::string id = folder.substr(folder.rfind('/') + 1);
+  for (link::PartnerLink* p : partner_)
+    p->send_checkpoint({.folder = folder, .id = id, .windows = windows, .t = t});
+  persistence_.save(folder, state);
+  std::vector<std::string> files{persistence_.file_name()};
+  for (link::PartnerLink* p : partner_)
+  {
+    const link::CheckpointDone done = p->receive_checkpoint_done();
+    if (!done.written)
+    {
+      possible_ = false;
+      if (say_)
+        say_("no checkpoints, so that a restart is not possible: '" + p->role() + "' says: " + done.reason);
+    }
+    files.insert(files.end(), done.files.begin(), done.files.end());
+  }
+  if (possible_)
+    persistence_.checkpoints->finish(folder, t, windows, files);
+  else
+    persistence_.checkpoints->abandon(folder);
+}
+
 std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                         const std::function<void(const WindowRecord&)>& after_window)
+                         const std::function<void(const WindowRecord&)>& after_window,
+                         const Persistence& persistence, const std::function<void(const std::string&)>& say)
 {
   const std::array<link::PartnerLink*, 2> partner{&fluid, &solid};
   auto [interface, H] = exchange_surfaces(config, partner, {config.coupling.scheme, config.coupling.scheme});
@@ -119,9 +180,25 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
   bool start_compatibly = true;
   std::int64_t frames = 1, windows = 0;
   WindowPlanner::Plan plan{.t_begin = config.run.t_begin, .t_end = config.run.t_begin};
-  after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
-                gc.factorisations()});
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("interface", interface);
+    if (archive.reading())
+      gc.turn_operator(interface.build_again());
+    archive("gc", gc);
+    archive("planner", planner);
+    archive("start_compatibly", start_compatibly);
+    archive("frames", frames);
+    archive("windows", windows);
+  };
+  if (persistence.restarts())
+    persistence.restore(state);
+  else
+    after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
+                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                  gc.factorisations()});
+  CheckpointKeeper keeper(persistence, partner, say);
+  keeper.at_start(planner.time(), state);
 
   while (!planner.finished())
   {
@@ -151,7 +228,7 @@ std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, 
                   gc.factorisations()});
 
     start_compatibly = renew_operator(interface, gc, partner, report);
-    if (fluid.stop_requested() || solid.stop_requested())
+    if (keeper.after_window(planner.time(), windows, state))
       break;
   }
   for (link::PartnerLink* p : partner)

@@ -4,6 +4,7 @@
 #include "common/config/coupling_config.hpp"
 #include "common/config/run_config.hpp"
 #include "common/coupling/link.hpp"
+#include "common/io/checkpoint.hpp"
 #include "coupler/gravouil_combescure.hpp"
 #include "coupler/interface.hpp"
 #include "coupler/window_planner.hpp"
@@ -23,6 +24,8 @@ struct CouplerConfig
   RunConfig run;
   CouplingConfig coupling;
   double frame_interval = 0.0; ///< [s]; 0: only the first and the last frame
+  std::string restart;         ///< folder of the checkpoint to continue from, or empty
+  double t_start = 0.0;        ///< time of that checkpoint [s]
 };
 
 /// State after a window, for output and tests.
@@ -56,6 +59,8 @@ private:
 // Pieces of the loops of run_coupler and run_staggered.
 Vector as_vector(const std::vector<double>& v);
 std::vector<double> as_std(const Vector& v);
+/// SETUP without the scheme.
+link::Setup setup_of(const CouplerConfig& config);
 /// SETUP to both, wet surfaces from both, the operator between them. What remains is accept_mesh or
 /// reject_mesh.
 std::pair<Interface, InterfaceOperator> exchange_surfaces(const CouplerConfig& config,
@@ -69,11 +74,35 @@ bool renew_operator(Interface& interface, GravouilCombescure& gc,
                     const std::array<link::PartnerLink*, 2>& partner,
                     const std::array<link::Report, 2>& report);
 
+/// The coupler's part of checkpoints: orders them from both participants at window ends.
+class CheckpointKeeper
+{
+public:
+  /// `persistence.checkpoints` may be null: then there are none. `say(text)`: a line for people.
+  CheckpointKeeper(const Persistence& persistence, std::array<link::PartnerLink*, 2> partner,
+                   std::function<void(const std::string&)> say);
+  /// Before the first window: is the case's wish possible? Writes the state at the start, if checkpoints are
+  /// wanted.
+  void at_start(double t, const StateVisitor& state);
+  /// After a window. @returns true if the run shall stop, its state written if that is possible
+  bool after_window(double t, std::int64_t windows, const StateVisitor& state);
+
+private:
+  void write(double t, std::int64_t windows, const StateVisitor& state);
+
+  Persistence persistence_;
+  std::array<link::PartnerLink*, 2> partner_;
+  std::function<void(const std::string&)> say_;
+  bool possible_ = true;
+};
+
 /// Couple one fluid and one solid until t_end (or until a participant asks to stop). `after_window` is called
-/// at t = 0 too.
+/// at t = 0 too. `persistence`: continue from a checkpoint, write new ones, stop on request.
 /// @returns number of windows
 /// @throws InputError if the surfaces do not meet (both participants are told), ProtocolError, NumericalError
 std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                         const std::function<void(const WindowRecord&)>& after_window);
+                         const std::function<void(const WindowRecord&)>& after_window,
+                         const Persistence& persistence = {},
+                         const std::function<void(const std::string&)>& say = {});
 
 } // namespace undine::coupler

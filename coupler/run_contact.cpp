@@ -21,12 +21,11 @@ InterfaceReport interface_report(const InterfaceConfig& config, const link::Surf
 
 template <int dim>
 std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                 const std::function<void(const WindowRecord&)>& after_window)
+                 const std::function<void(const WindowRecord&)>& after_window, const Persistence& persistence,
+                 const std::function<void(const std::string&)>& say)
 {
   const std::array<link::PartnerLink*, 2> partner{&fluid, &solid};
-  link::Setup setup{.dim = config.run.dim, .t_begin = config.run.t_begin, .t_end = config.run.t_end};
-  for (const auto& i : config.coupling.interfaces)
-    setup.interfaces.push_back(i.name);
+  link::Setup setup = setup_of(config);
   setup.scheme = link::contact_surface_scheme;
   fluid.send_setup(setup);
   setup.scheme = link::contact_scheme;
@@ -54,7 +53,19 @@ std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::Pa
     after_window({plan, report[Side::fluid], report[Side::solid], contact.balance(), interfaces,
                   contact.solid(), f[Side::solid], contact.report().searches, contact.report().solves});
   };
-  record();
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("contact", contact);
+    archive("planner", planner);
+    archive("frames", frames);
+    archive("windows", windows);
+  };
+  if (persistence.restarts())
+    persistence.restore(state);
+  else
+    record();
+  CheckpointKeeper keeper(persistence, partner, say);
+  keeper.at_start(planner.time(), state);
 
   while (!planner.finished())
   {
@@ -90,7 +101,7 @@ std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::Pa
       report[Side::fluid] = fluid.receive_report();
     }
     record();
-    if (fluid.stop_requested() || solid.stop_requested())
+    if (keeper.after_window(planner.time(), windows, state))
       break;
   }
   for (link::PartnerLink* p : partner)
@@ -101,10 +112,11 @@ std::int64_t run(const CouplerConfig& config, link::PartnerLink& fluid, link::Pa
 } // namespace
 
 std::int64_t run_contact(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                         const std::function<void(const WindowRecord&)>& after_window)
+                         const std::function<void(const WindowRecord&)>& after_window,
+                         const Persistence& persistence, const std::function<void(const std::string&)>& say)
 {
-  return config.run.dim == 2 ? run<2>(config, fluid, solid, after_window)
-                             : run<3>(config, fluid, solid, after_window);
+  return config.run.dim == 2 ? run<2>(config, fluid, solid, after_window, persistence, say)
+                             : run<3>(config, fluid, solid, after_window, persistence, say);
 }
 
 } // namespace undine::coupler

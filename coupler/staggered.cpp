@@ -31,7 +31,8 @@ void refuse_unstable(double q, const std::array<link::PartnerLink*, 2>& partner)
 } // namespace
 
 std::int64_t run_staggered(const CouplerConfig& given, link::PartnerLink& fluid, link::PartnerLink& solid,
-                           const std::function<void(const WindowRecord&)>& after_window)
+                           const std::function<void(const WindowRecord&)>& after_window,
+                           const Persistence& persistence, const std::function<void(const std::string&)>& say)
 {
   // The fluid alone carries the operator: as many multipliers as it has nodes, not more.
   CouplerConfig config = given;
@@ -54,9 +55,26 @@ std::int64_t run_staggered(const CouplerConfig& given, link::PartnerLink& fluid,
   bool start_compatibly = true;
   std::int64_t frames = 1, windows = 0;
   WindowPlanner::Plan plan{.t_begin = config.run.t_begin, .t_end = config.run.t_begin};
-  after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
-                gc.factorisations()});
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("interface", interface);
+    if (archive.reading())
+      gc.turn_operator(interface.build_again());
+    archive("gc", gc);
+    archive("planner", planner);
+    archive("v_solid", v_solid);
+    archive("start_compatibly", start_compatibly);
+    archive("frames", frames);
+    archive("windows", windows);
+  };
+  if (persistence.restarts())
+    persistence.restore(state);
+  else
+    after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
+                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
+                  gc.factorisations()});
+  CheckpointKeeper keeper(persistence, partner, say);
+  keeper.at_start(planner.time(), state);
 
   while (!planner.finished())
   {
@@ -89,7 +107,7 @@ std::int64_t run_staggered(const CouplerConfig& given, link::PartnerLink& fluid,
                   interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
                   gc.factorisations()});
     start_compatibly = renew_operator(interface, gc, partner, report);
-    if (fluid.stop_requested() || solid.stop_requested())
+    if (keeper.after_window(planner.time(), windows, state))
       break;
   }
   for (link::PartnerLink* p : partner)

@@ -14,6 +14,8 @@ namespace undine::coupler
 /// @throws InputError if the fluid's mass at the interface is not smaller than the solid's (both participants
 /// are told); otherwise as run_coupler
 std::int64_t run_staggered(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                           const std::function<void(const WindowRecord&)>& after_window);
+                           const std::function<void(const WindowRecord&)>& after_window,
+                           const Persistence& persistence = {},
+                           const std::function<void(const std::string&)>& say = {});
 
 } // namespace undine::coupler

@@ -78,4 +78,23 @@ WindowPlanner::Plan WindowPlanner::next(double stable_dt_fluid, double stable_dt
   return plan;
 }
 
+void WindowPlanner::for_each_state(StateArchive& archive)
+{
+  archive("t", t_);
+  archive("anchor", anchor_);
+  archive("index", index_);
+  archive("since_anchor", since_anchor_);
+  archive("left", left_);
+  archive("dT", dT_);
+  archive("m", m_);
+  archive("fine", fine_);
+  double t_end = t_end_;
+  archive("t_end", t_end);
+  if (!archive.reading())
+    return;
+  if (t_end != t_end_)
+    left_ = 0; // divide the way to another end anew
+  finished_ = !(t_end_ > t_);
+}
+
 } // namespace undine::coupler

@@ -1,6 +1,7 @@
 // Which side is fine, how long the window is, and how many fine steps it holds.
 #pragma once
 
+#include "common/io/state_archive.hpp"
 #include "common/time/step_ladder.hpp"
 #include "coupler/gravouil_combescure.hpp"
 
@@ -41,6 +42,8 @@ public:
   Plan next(double stable_dt_fluid, double stable_dt_solid);
   bool finished() const { return finished_; }
   double time() const { return t_; }
+  /// t_end is not part of it: a restart may go on for longer.
+  void for_each_state(StateArchive& archive);
 
 private:
   WindowRules rules_;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 namespace undine::fluid
 {
@@ -14,107 +15,120 @@ namespace undine::fluid
 namespace
 {
 
-/// |∂V_j/∂x_i| for one i and all its neighbours j (i itself included): V_e∇N_i/(dim+1) summed over the shared
-/// elements.
+/// Row i of |B|, B_ij = ∂V_j/∂x_i = Σ_e V_e∇N_i/(dim+1) over the elements that i and j share.
+/// visit(j, |B_ij|, |B_ji|) for all neighbours j, then for i itself.
 template <int dim>
 class RowOfB
 {
 public:
-  void gather(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, index_t i)
+  template <class Visit>
+  void for_each(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, index_t i, Visit&& visit)
   {
-    neighbour_.clear();
-    value_.clear();
     const auto fan = mesh.fan(i);
-    Vec<dim> own{};
+    if (fan.empty())
+      return;
     if constexpr (dim == 2)
     {
-      // Counter-clockwise fan: the edge i–j is shared by the entry that begins with j and the one before it.
-      Vec<2> last{};
+      // Two triangles (i, j, k) and (i, l, j) give ½ (x_l − x_k) turned by 90°, whichever end of i–j is
+      // asked; one alone gives ½ (x_j − x_k) at i and ½ (x_k − x_i) at j. The fan is chained
+      // counter-clockwise.
+      const auto x = [&](index_t n) -> const Vec<2>& { return nodes.x[static_cast<std::size_t>(n)]; };
+      const Vec<2>& xi = x(i);
+      const bool closed = fan.back().opposite[1] == fan.front().opposite[0];
+      Vec<2> own{};
       for (std::size_t k = 0; k < fan.size(); ++k)
       {
-        const Vec<2> part = part_of(nodes, fan[k]);
-        own += part;
-        const bool joined = k > 0 && fan[k - 1].opposite[1] == fan[k].opposite[0];
-        if (k > 0 && !joined)
-          add(fan[k - 1].opposite[1], last);
-        add(fan[k].opposite[0], joined ? last + part : part);
-        last = part;
-      }
-      if (!fan.empty())
-      {
-        if (fan.back().opposite[1] == fan.front().opposite[0])
-          value_.front() += last; // closed
+        const auto [j, next] = fan[k].opposite;
+        const bool joined = k > 0 ? fan[k - 1].opposite[1] == j : closed;
+        if (joined)
+        {
+          const index_t before = (k > 0 ? fan[k - 1] : fan.back()).opposite[0];
+          const double B = sixth * norm(x(before) - x(next));
+          visit(j, B, B);
+        }
         else
-          add(fan.back().opposite[1], last);
+          visit(j, sixth * norm(x(j) - x(next)), sixth * norm(x(next) - xi));
+        const bool last = k + 1 == fan.size() ? !closed : fan[k + 1].opposite[0] != next;
+        if (last)
+          visit(next, sixth * norm(x(j) - x(next)), sixth * norm(x(j) - xi));
+        own += x(j) - x(next);
       }
+      const double B = sixth * norm(own);
+      visit(i, B, B);
     }
     else
+    {
+      neighbour_.clear();
+      value_.clear();
+      Vec<dim> own{};
       for (const auto& entry : fan)
       {
-        const Vec<dim> part = part_of(nodes, entry);
+        std::array<Vec<dim>, dim> opposite;
+        for (std::size_t k = 0; k < dim; ++k)
+          opposite[k] = nodes.x[static_cast<std::size_t>(entry.opposite[k])];
+        const Vec<dim> part = (1.0 / (dim + 1)) * volume_gradient<dim, double>(opposite);
         own += part;
-        for (const index_t j : entry.opposite)
+        for (std::size_t k = 0; k < dim; ++k)
         {
+          // The other side of the pair: V_e∇N_j of the same element, (j, i, the two others) even.
+          std::array<Vec<dim>, dim> seen_from_j;
+          seen_from_j[0] = nodes.x[static_cast<std::size_t>(i)];
+          seen_from_j[1] = opposite[(k + 2) % 3];
+          seen_from_j[2] = opposite[(k + 1) % 3];
+          const Vec<dim> back = (1.0 / (dim + 1)) * volume_gradient<dim, double>(seen_from_j);
+          const index_t j = entry.opposite[k];
           const auto it = std::find(neighbour_.begin(), neighbour_.end(), j);
           if (it == neighbour_.end())
-            add(j, part);
+          {
+            neighbour_.push_back(j);
+            value_.push_back({part, back});
+          }
           else
-            value_[static_cast<std::size_t>(it - neighbour_.begin())] += part;
+          {
+            auto& value = value_[static_cast<std::size_t>(it - neighbour_.begin())];
+            value[0] += part;
+            value[1] += back;
+          }
         }
       }
-    if (!fan.empty())
-      add(i, own);
-  }
-  template <class Visit>
-  void for_each(Visit&& visit) const
-  {
-    for (std::size_t k = 0; k < neighbour_.size(); ++k)
-      visit(neighbour_[k], norm(value_[k]));
+      for (std::size_t k = 0; k < neighbour_.size(); ++k)
+        visit(neighbour_[k], norm(value_[k][0]), norm(value_[k][1]));
+      visit(i, norm(own), norm(own));
+    }
   }
 
 private:
-  static Vec<dim> part_of(const FluidNodes<dim>& nodes, const FanEntry<dim>& entry)
-  {
-    std::array<Vec<dim>, dim> opposite;
-    for (std::size_t k = 0; k < dim; ++k)
-      opposite[k] = nodes.x[static_cast<std::size_t>(entry.opposite[k])];
-    return (1.0 / (dim + 1)) * volume_gradient<dim, double>(opposite);
-  }
-  void add(index_t j, const Vec<dim>& part)
-  {
-    neighbour_.push_back(j);
-    value_.push_back(part);
-  }
+  static constexpr double sixth = 1.0 / 6.0;
   std::vector<index_t> neighbour_;
-  std::vector<Vec<dim>> value_;
+  std::vector<std::array<Vec<dim>, 2>> value_;
 };
 
 } // namespace
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity, double floor)
+                          const ElementTermsConfig& viscosity, double floor, StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
-  std::vector<double> column_sum(static_cast<std::size_t>(n_nodes), 0.0);
+  // Column sums times the stiffness of their node.
+  std::vector<double>& stiffness = workspace.stiffness;
+  stiffness.resize(static_cast<std::size_t>(n_nodes));
   RowOfB<dim> row;
   for (index_t i = 0; i < n_nodes; ++i)
   {
-    row.gather(mesh, nodes, i);
-    row.for_each([&](index_t j, double B) { column_sum[static_cast<std::size_t>(j)] += B; });
+    const auto k = static_cast<std::size_t>(i);
+    double sum = 0.0;
+    row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
+    stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
+                   std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
   }
   double omega_squared = 0.0;
   for (index_t i = 0; i < n_nodes; ++i)
   {
     double sum = 0.0;
-    row.gather(mesh, nodes, i);
-    row.for_each(
-        [&](index_t j, double B)
-        {
-          const auto k = static_cast<std::size_t>(j);
-          sum += B * tait.tangent_modulus(nodes.p[k]) /
-                 std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k])) * column_sum[k];
-        });
+    row.for_each(mesh, nodes, i,
+                 [&](index_t j, double B_ij, double)
+                 { sum += B_ij * stiffness[static_cast<std::size_t>(j)]; });
     if (sum > 0.0)
       omega_squared = std::max(omega_squared, sum / nodes.inertia[static_cast<std::size_t>(i)]);
   }
@@ -125,10 +139,11 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     return dt;
 
   double xi = viscosity.bulk_linear;
-  std::vector<double> shear(viscosity.mu > 0.0 ? static_cast<std::size_t>(n_nodes) : 0,
-                            0.0); // row sums [kg/s]
+  std::vector<double>& shear = workspace.shear; // row sums [kg/s]
+  shear.assign(viscosity.mu > 0.0 ? static_cast<std::size_t>(n_nodes) : 0, 0.0);
+  const bool depends_on_elements = viscosity.mu > 0.0 || viscosity.bulk_quadratic > 0.0;
   const double c0 = tait.sound_speed(tait.rho0);
-  for (const auto& e : mesh.elements)
+  for (const auto& e : std::span(mesh.elements).first(depends_on_elements ? mesh.elements.size() : 0))
   {
     std::array<Vec<dim>, dim + 1> x;
     Mat<dim> V_grad_v;
@@ -164,8 +179,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
 }
 
 template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
-                                      const ElementTermsConfig&, double);
+                                      const ElementTermsConfig&, double, StepWorkspace&);
 template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
-                                      const ElementTermsConfig&, double);
+                                      const ElementTermsConfig&, double, StepWorkspace&);
 
 } // namespace undine::fluid

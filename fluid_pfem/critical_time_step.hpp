@@ -6,8 +6,16 @@
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/tait.hpp"
 
+#include <vector>
+
 namespace undine::fluid
 {
+
+/// Arrays that are kept from one evaluation to the next, so that a step allocates nothing.
+struct StepWorkspace
+{
+  std::vector<double> stiffness, shear;
+};
 
 /// Bound on the highest acoustic frequency from the infinity norm of A = M⁻¹ B diag(ρc²/V) Bᵀ, B_ij =
 /// ∂V_j/∂x_i:
@@ -18,6 +26,6 @@ namespace undine::fluid
 /// @returns [s]
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& terms, double floor);
+                          const ElementTermsConfig& terms, double floor, StepWorkspace& workspace);
 
 } // namespace undine::fluid

@@ -5,8 +5,6 @@
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
-#include "fluid_pfem/remesh/delaunay.hpp"
-#include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 
@@ -210,7 +208,6 @@ void Fluid<dim>::predict_position(double dt)
 template <int dim>
 void Fluid<dim>::update_state(index_t begin, index_t end)
 {
-  update_nodal_volumes<dim>(mesh_, nodes_, begin, end);
   check_state(
       update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end));
   if (config_.least_pressure > -1e299)
@@ -224,9 +221,10 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
 }
 
 template <int dim>
-void Fluid<dim>::update_elements(double dt, index_t begin, index_t end)
+void Fluid<dim>::add_element_forces(double dt, index_t begin, index_t end)
 {
-  update_element_terms<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end, terms_);
+  fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end,
+                                 sums_);
 }
 
 template <int dim>
@@ -234,25 +232,28 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 {
   if (config_.body_force.empty())
     return;
-  terms_.body.resize(nodes_.x.size());
+  sums_.body.resize(nodes_.x.size());
   for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     for (int k = 0; k < dim; ++k)
-      terms_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
-                                                                          third(nodes_.x[i]), t_);
-    nodes_.a[i] += terms_.body[i];
+      sums_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
+                                                                         third(nodes_.x[i]), t_);
+    nodes_.a[i] += sums_.body[i];
   }
 }
 
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
+  std::fill(nodes_.V.begin(), nodes_.V.end(), 0.0);
+  add_element_volumes<dim>(mesh_, 0, e_layer_, nodes_);
   if (n_wet_ == 0)
     return;
   update_state(0, n_layer_);
-  update_elements(dt, 0, e_wet_);
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_wet_, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, 0, n_layer_, sums_);
+  add_element_forces(dt, 0, e_wet_);
+  take_acceleration<dim>(nodes_, gravity(), 0, n_wet_, sums_, mass_rate_);
   add_body_force(0, n_wet_);
   for (index_t n = 0; n < n_wet_; ++n)
   {
@@ -266,10 +267,12 @@ template <int dim>
 void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   const index_t n_nodes = nodes_.size();
+  add_element_volumes<dim>(mesh_, e_layer_, mesh_.n_elements(), nodes_);
   update_state(n_layer_, n_nodes);
-  update_elements(dt, e_wet_, mesh_.n_elements());
-  dissipated_ += dt * terms_.dissipation;
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), n_wet_, n_nodes, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, n_layer_, n_nodes, sums_);
+  add_element_forces(dt, e_wet_, mesh_.n_elements());
+  dissipated_ += dt * sums_.dissipation;
+  take_acceleration<dim>(nodes_, gravity(), n_wet_, n_nodes, sums_, mass_rate_);
   add_body_force(n_wet_, n_nodes);
   for (const index_t n : constrained_)
     if (n >= n_wet_)
@@ -294,7 +297,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
 template <int dim>
 void Fluid<dim>::exchange_mass(double dt)
 {
-  const bool flux = !terms_.z.empty(), feedback = config_.feedback_time > 0.0;
+  const bool flux = config_.terms.residual > 0.0, feedback = config_.feedback_time > 0.0;
   if (!flux && !feedback)
     return;
   const double c_per_T = feedback ? sound_speed() / config_.feedback_time : 0.0;
@@ -394,9 +397,10 @@ template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
   // Where nothing but flying nodes is left no element bounds the step; walls still have to be met.
-  return config_.step_safety * std::min(config_.element_size / sound_speed(),
-                                        fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait,
-                                                                       config_.terms, config_.inertia_floor));
+  return config_.step_safety *
+         std::min(config_.element_size / sound_speed(),
+                  fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
+                                                 config_.inertia_floor, workspace_));
 }
 
 template <int dim>
@@ -444,7 +448,8 @@ void Fluid<dim>::meet_solid(const link::SurfaceMesh& solid)
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::triangulation()
 {
-  std::vector<Simplex<dim>> simplices = delaunay(nodes_.x);
+  delaunay_.update(nodes_.x);
+  std::vector<Simplex<dim>> simplices = delaunay_.simplices();
   constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
   if (contact_.has_convex())
     std::erase_if(simplices,
@@ -469,13 +474,17 @@ void Fluid<dim>::remesh()
   if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
+    order_if_due(elements);
     finish_mesh(std::move(elements));
     return;
   }
+  update_state(0, nodes_.size()); // the exchange of mass of the last step is part of the density that stays
   pass_openings();
   const double before = energy().total();
+  if (!openings_.empty())
+    update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
-  const OldDomain<dim> old(nodes_.x, mesh_.elements, config_.element_size);
+  const std::vector<Vec<dim>> old_x = nodes_.x;
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {
@@ -485,19 +494,41 @@ void Fluid<dim>::remesh()
   const SpacingReport spacing = refine_and_coarsen<dim>(
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
       config_.remesh.spacing, next_id_);
+  for (const auto& [kept, gone] : spacing.merges)
+    delaunay_.merge(kept, gone);
+  for (const auto& [i, j, added] : spacing.splits)
+    delaunay_.split(i, j, added);
+  if (!spacing.new_number.empty())
+    delaunay_.renumber(spacing.new_number);
   contact_.settle(nodes_.x);
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
+                                              config_.element_size, config_.remesh.shape);
   drop_fragments(choice);
-  const double particle_mass = mass();
-  if (config_.feedback_time > 0.0)
-    release_mass(choice);
-  delete_isolated_nodes(choice.elements);
+  // The number that each old node has come to bear; a node that was merged is where the other one is.
+  std::vector<index_t> number(old_x.size());
+  std::iota(number.begin(), number.end(), 0);
+  const auto follow = [&number](const std::vector<index_t>& new_number)
+  {
+    for (index_t& n : number)
+      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+  };
+  for (const auto& [kept, gone] : spacing.merges)
+    number[static_cast<std::size_t>(gone)] = kept;
+  follow(spacing.new_number);
+  follow(delete_isolated_nodes(choice.elements));
+  follow(order_if_due(choice.elements));
+  const std::vector<double> V_before = nodes_.V;
+  // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
+  std::vector<Vec<dim>> v_half = nodes_.v;
+  for (std::size_t n = 0; n < v_half.size(); ++n)
+    v_half[n] -= 0.5 * dt_before_ * nodes_.a[n];
+  std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   if (config_.feedback_time > 0.0)
-    settle_mass(particle_mass);
+    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -531,6 +562,7 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(centroid);
                   });
+  order_if_due(elements);
   finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
 }
@@ -556,13 +588,6 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
-  // Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
-  // must come first.
-  constexpr std::int64_t order_every = 25;
-  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
-    order_nodes(elements);
-  else
-    n_layer_ = 0;
   mesh_ = connect<dim>(nodes_.size(), std::move(elements));
   flag_nodes();
   const index_t n_nodes = nodes_.size();
@@ -574,7 +599,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
-  update_nodal_volumes<dim>(mesh_, nodes_, 0, n_nodes);
+  update_nodal_volumes<dim>(mesh_, nodes_);
   for (index_t n = 0; n < n_nodes; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
@@ -591,17 +616,24 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
-  terms_.body.clear();
-  e_wet_ = 0;
-  while (e_wet_ < mesh_.n_elements() && mesh_.elements[static_cast<std::size_t>(e_wet_)][0] < n_wet_)
-    ++e_wet_; // elements are sorted by their smallest node
+  sums_.reset(n_nodes);
+  // Elements are sorted by their smallest node.
+  const auto elements_below = [this](index_t n)
+  {
+    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
+                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
+                                mesh_.elements.begin());
+  };
+  e_wet_ = elements_below(n_wet_);
+  e_layer_ = elements_below(n_layer_);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v;
   for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
-  update_elements(dt_before_, 0, mesh_.n_elements());
-  update_acceleration<dim>(mesh_, nodes_, terms_, gravity(), 0, n_nodes, mass_rate_);
+  record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
+  add_element_forces(dt_before_, 0, mesh_.n_elements());
+  take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
@@ -693,11 +725,12 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
                 });
 }
 
+/// @returns the new number of each node, empty if numbers stay
 template <int dim>
-void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
 {
   if (config_.remesh.delete_isolated_after == 0)
-    return;
+    return {};
   std::vector<char> used(nodes_.x.size(), 0);
   for (const auto& e : elements)
     for (const index_t n : e)
@@ -710,19 +743,24 @@ void Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
-  erase_nodes(gone, elements);
+  return erase_nodes(gone, elements);
 }
 
+/// @returns the new number of each node, empty if numbers stay
 template <int dim>
-void Fluid<dim>::erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::erase_nodes(const std::vector<char>& gone,
+                                             std::vector<Simplex<dim>>& elements)
 {
   std::vector<index_t> new_number(nodes_.x.size(), -1);
   index_t kept = 0;
   for (std::size_t n = 0; n < new_number.size(); ++n)
     if (!gone[n])
       new_number[n] = kept++;
+    else
+      delaunay_.remove(static_cast<index_t>(n));
   if (kept == nodes_.size())
-    return;
+    return {};
+  delaunay_.renumber(new_number);
   nodes_.for_each_field(
       [&](const char*, auto& field)
       {
@@ -734,6 +772,7 @@ void Fluid<dim>::erase_nodes(const std::vector<char>& gone, std::vector<Simplex<
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
+  return new_number;
 }
 
 /// Nodes come in and go out; the advected mesh of the last remesh gets and loses their elements, so that the
@@ -744,10 +783,13 @@ void Fluid<dim>::pass_openings()
   if (openings_.empty())
     return;
   const double before = energy().total();
+  const index_t n_before = nodes_.size();
   inflow_ += openings_.let_in(nodes_, mesh_.elements, next_id_, config_.tait.rho0);
   openings_.drive(nodes_, t_);
   std::vector<char> gone;
   outflow_ += openings_.let_out(nodes_, mesh_.elements, gone);
+  if (!gone.empty() || nodes_.size() != n_before)
+    delaunay_.forget();
   if (!gone.empty())
   {
     erase_nodes(gone, mesh_.elements);
@@ -805,44 +847,148 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
   }
 }
 
-/// New connectivity hands volume from node to node; the particle mass goes with it, so that a remesh of quiet
-/// fluid leaves no defect. Only volume that was created or dropped by decision is a defect M − m. Before the
-/// new m are known, M is taken down to the defect …
+/// Elements that the old or the new mesh has alone, or that have been deformed by the remesh.
+/// @param number present number of each old node, −1: deleted
 template <int dim>
-void Fluid<dim>::release_mass(const ShapeChoice<dim>& choice)
+std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>> old,
+                                                       std::span<const Vec<dim>> old_x,
+                                                       std::span<const index_t> number) const
 {
-  std::vector<char> used(nodes_.x.size(), 0);
-  for (const auto& e : choice.elements)
-    for (const index_t n : e)
-      used[static_cast<std::size_t>(n)] = 1;
-  for (std::size_t n = 0; n < used.size(); ++n)
-    if (used[n])
-      nodes_.M[n] -= nodes_.m[n] + nodes_.rho[n] * choice.gained[n];
-}
-
-/// … and afterwards built up from the new m. What the centroid rule has misjudged is settled on the free
-/// surface, so that ΣM is exact.
-template <int dim>
-void Fluid<dim>::settle_mass(double particle_mass)
-{
-  double surface_mass = 0.0;
-  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+  std::vector<char> moved(nodes_.x.size(), 0);
+  for (std::size_t n = 0; n < number.size(); ++n)
+    if (number[n] >= 0 && nodes_.x[static_cast<std::size_t>(number[n])] != old_x[n])
+      moved[static_cast<std::size_t>(number[n])] = 1;
+  bool same_numbers = openings_.empty(); // elements of an inlet are in no order
+  for (std::size_t n = 0; n < number.size(); ++n)
+    same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
+  if (!same_numbers)
   {
-    if (!(nodes_.flag[n] & isolated_node))
-      nodes_.M[n] += nodes_.m[n];
-    if (nodes_.flag[n] & on_free_surface)
-      surface_mass += nodes_.m[n];
+    for (auto& e : old)
+      for (index_t& n : e)
+        n = number[static_cast<std::size_t>(n)];
+    old = sorted_elements<dim>(nodes_.size(), std::move(old));
   }
-  smooth_mass_defect();
-  const double rest = particle_mass - mass();
-  for (std::size_t n = 0; n < nodes_.x.size() && surface_mass > 0.0; ++n)
-    if (nodes_.flag[n] & on_free_surface)
-      nodes_.M[n] += rest * nodes_.m[n] / surface_mass;
+  std::vector<Simplex<dim>> changed;
+  const auto& now = mesh_.elements;
+  for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
+    if (k == now.size() || (o < old.size() && old[o] < now[k]))
+      changed.push_back(old[o++]);
+    else if (o == old.size() || now[k] < old[o])
+      changed.push_back(now[k++]);
+    else
+    {
+      if (std::any_of(now[k].begin(), now[k].end(),
+                      [&](index_t n) { return moved[static_cast<std::size_t>(n)]; }))
+        changed.push_back(now[k]);
+      ++o;
+      ++k;
+    }
+  return changed;
 }
 
-/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
+/// New connectivity hands volume from node to node; particle mass goes with it, so that a remesh of quiet
+/// fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers lose goes to
+/// its gainers. Only volume that the patch as a whole gained or lost is a defect: that was created or dropped
+/// by decision. A node that flies or flew keeps its mass. Nodes keep their velocities, which conserves
+/// momentum of a linear field, unless the kinetic energy of the patch would grow: then gainers take over as
+/// much of the losers' velocity as keeps it.
+/// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
+/// @param V_before of each node before the remesh [m^dim]
+/// @param v_half velocity of the half step, whose energy it is [m/s]
 template <int dim>
-void Fluid<dim>::smooth_mass_defect()
+void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+                                std::span<Vec<dim>> v_half)
+{
+  const auto n_nodes = static_cast<std::size_t>(nodes_.size());
+  std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
+  const auto leader_of = [&](index_t n)
+  {
+    for (index_t up; (up = leader[static_cast<std::size_t>(n)]) != n; n = up)
+      leader[static_cast<std::size_t>(n)] = leader[static_cast<std::size_t>(up)];
+    return n;
+  };
+  for (const auto& e : changed)
+  {
+    index_t first = -1;
+    for (const index_t n : e)
+      if (n >= 0)
+      {
+        if (leader[static_cast<std::size_t>(n)] < 0)
+          leader[static_cast<std::size_t>(n)] = n;
+        const index_t root = leader_of(n);
+        if (first >= 0) // the smaller number leads, so that the order does not matter
+          leader[static_cast<std::size_t>(std::max(first, root))] = std::min(first, root);
+        first = first < 0 ? root : std::min(first, root);
+      }
+  }
+
+  struct Patch
+  {
+    double gain = 0.0, loss = 0.0, mass = 0.0; ///< volumes; mass that changes hands
+    Vec<dim> momentum{};                       ///< of that mass
+    double energy = 0.0;                       ///< kinetic, that the patch gains if velocities stay …
+    double linear = 0.0, square = 0.0; ///< … plus θ linear + θ² square if gainers take a part θ of the way
+  };
+  std::vector<Patch> patches(n_nodes); // at its leader
+  const auto patch_of = [&](std::size_t n) -> Patch&
+  { return patches[static_cast<std::size_t>(leader_of(static_cast<index_t>(n)))]; };
+  const auto gain_of = [&](std::size_t n)
+  {
+    const bool flies = V_before[n] == 0.0 || (nodes_.flag[n] & isolated_node);
+    return leader[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
+  };
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain != 0.0)
+      (gain > 0.0 ? patch_of(n).gain : patch_of(n).loss) += std::abs(gain);
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain < 0.0)
+    {
+      Patch& p = patch_of(n);
+      const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
+      nodes_.M[n] -= given;
+      p.mass += given;
+      p.momentum += given * v_half[n];
+      p.energy -= 0.5 * given * norm_squared(v_half[n]);
+    }
+  // Change of velocity of a gainer that takes all the way: its new mass has the mean velocity of both.
+  const auto full_change = [&](std::size_t n, const Patch& p, double taken)
+  {
+    const bool free =
+        static_cast<index_t>(n) >= n_wet_ && nodes_.M[n] > taken; // the coupler knows v of wet nodes
+    return free ? (taken / nodes_.M[n]) * ((1.0 / p.mass) * p.momentum - v_half[n]) : Vec<dim>{};
+  };
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain > 0.0)
+      if (Patch& p = patch_of(n); p.mass > 0.0)
+      {
+        const double taken = p.mass * gain / p.gain;
+        nodes_.M[n] += taken;
+        const Vec<dim> dv = full_change(n, p, taken);
+        p.energy += 0.5 * taken * norm_squared(v_half[n]);
+        p.linear += nodes_.M[n] * dot(v_half[n], dv);
+        p.square += 0.5 * nodes_.M[n] * norm_squared(dv);
+      }
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (const double gain = gain_of(n); gain > 0.0)
+      if (const Patch& p = patch_of(n); p.mass > 0.0 && p.energy > 0.0 && p.square > 0.0)
+      {
+        const double discriminant = p.linear * p.linear - 4.0 * p.square * p.energy;
+        const double theta = p.linear < 0.0 && discriminant > 0.0
+                                 ? std::min(1.0, 2.0 * p.energy / (std::sqrt(discriminant) - p.linear))
+                                 : 1.0;
+        const Vec<dim> dv = theta * full_change(n, p, p.mass * gain / p.gain);
+        nodes_.v[n] += dv;
+        v_half[n] += dv;
+      }
+  smooth_mass_defect(v_half);
+  for (const index_t n : constrained_)
+    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+}
+
+/// Spread M − m over neighbours, conserving ΣM, without a gain of kinetic energy: the feedback then acts on
+/// the smooth part and makes no noise.
+template <int dim>
+void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
 {
   constexpr int sweeps = 5;
   constexpr double share = 0.08;
@@ -858,6 +1004,17 @@ void Fluid<dim>::smooth_mass_defect()
               std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
           nodes_.M[i] -= flux;
           nodes_.M[j] += flux;
+          const std::size_t from = flux > 0.0 ? i : j, to = flux > 0.0 ? j : i;
+          const double rise = norm_squared(v_half[to]) - norm_squared(v_half[from]);
+          if (rise <= 0.0 || static_cast<index_t>(to) < n_wet_ || !(nodes_.M[to] > std::abs(flux)))
+            continue;
+          // The receiver slows down by a part of the way to the mean velocity that pays for the rise, to
+          // first order in the flux.
+          const Vec<dim> way = v_half[from] - v_half[to];
+          const double pays = -2.0 * dot(v_half[to], way);
+          const Vec<dim> dv = (std::min(1.0, rise / pays) * std::abs(flux) / nodes_.M[to]) * way;
+          v_half[to] += dv;
+          nodes_.v[to] += dv;
         }
 }
 
@@ -878,8 +1035,9 @@ void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 
 /// Wet nodes first, then their neighbours, then the rest; inside each group along the box diagonal's sweep
 /// (by rows of one spacing).
+/// @returns the new number of each node
 template <int dim>
-void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   std::vector<char> used(n_nodes, 0);
@@ -927,9 +1085,23 @@ void Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
     new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
 
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
+  delaunay_.renumber(new_of_old);
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_of_old[static_cast<std::size_t>(n)];
+  return new_of_old;
+}
+
+/// Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
+/// must come first.
+template <int dim>
+std::vector<index_t> Fluid<dim>::order_if_due(std::vector<Simplex<dim>>& elements)
+{
+  constexpr std::int64_t order_every = 25;
+  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
+    return order_nodes(elements);
+  n_layer_ = 0;
+  return {};
 }
 
 // ------------------------------------------------------------------------------------------------ what
@@ -1080,6 +1252,48 @@ void Fluid<dim>::apply_activation(const link::Activation& activation)
     }
   }
   f_link_ = activation.link_force;
+}
+
+template <int dim>
+void Fluid<dim>::for_each_state(StateArchive& archive)
+{
+  nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
+  archive("elements", mesh_.elements);
+  if (archive.reading())
+    mesh_ = connect<dim>(nodes_.size(), std::move(mesh_.elements));
+  archive("contact", contact_);
+  archive("solid", solid_);
+  archive("travel", travel_);
+  archive("terms", sums_);
+  sums_.record.resize(nodes_.x.size());
+  sums_.sum.resize(nodes_.x.size());
+  delaunay_.forget(); // both runs then go on with a rebuild
+  archive("e_layer", e_layer_);
+  archive("mass_rate", mass_rate_);
+  archive("n_wet", n_wet_);
+  archive("n_layer", n_layer_);
+  archive("e_wet", e_wet_);
+  archive("constrained", constrained_);
+  archive("f_link", f_link_);
+  archive("quality", quality_);
+  archive("x_remesh", x_remesh_);
+  archive("next_id", next_id_);
+  archive("t", t_);
+  archive("dt_before", dt_before_);
+  archive("steps", steps_);
+  archive("steps_since_remesh", steps_since_remesh_);
+  archive("surface_epoch", surface_epoch_);
+  archive("ledger", ledger_);
+  archive("dissipated", dissipated_);
+  archive("remesh_gain", remesh_gain_);
+  archive("remesh_loss", remesh_loss_);
+  archive("interface_work", interface_work_);
+  archive("wall_work", wall_work_);
+  archive("impedance", impedance_);
+  archive("openings_energy", openings_energy_);
+  archive("inflow", inflow_);
+  archive("outflow", outflow_);
+  archive("turned_over", turned_over_);
 }
 
 template <int dim>

@@ -2,10 +2,13 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
+#include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid_config.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
+#include "fluid_pfem/remesh/moving_delaunay.hpp"
 #include "fluid_pfem/seeding.hpp"
 #include "fluid_pfem/solid_surface.hpp"
 #include "fluid_pfem/walls.hpp"
@@ -111,6 +114,7 @@ public:
   const Walls<dim>& walls() const { return contact_; }
   Walls<dim>& walls() { return contact_; }
   std::int64_t steps() const { return steps_; }
+  const DelaunayCount& triangulations() const { return delaunay_.count(); }
 
   FluidEnergy energy() const;
   FluidMass mass_by_state() const;
@@ -125,6 +129,9 @@ public:
   /// v ← v + M⁻¹ impulse, a ← a_free + M⁻¹ link force.
   void apply_activation(const link::Activation& activation);
 
+  /// All that a later step depends on; what follows from the configuration is made by the constructor.
+  void for_each_state(StateArchive& archive);
+
   /// Overwrite velocities: initial conditions of tests and of cases.
   void set_velocity(const std::vector<Vec<dim>>& v);
 
@@ -135,21 +142,24 @@ private:
   void triangulate();
   std::vector<Simplex<dim>> triangulation();
   void finish_mesh(std::vector<Simplex<dim>> elements);
-  void order_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> order_if_due(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
+  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
+                                             std::span<const index_t> number) const;
+  void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+                      std::span<Vec<dim>> v_half);
+  std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void drop_fragments(ShapeChoice<dim>& choice) const;
-  void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
-  void erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void pass_openings();
   void find_impedance();
   void let_waves_out(double dt, bool book);
-  void release_mass(const ShapeChoice<dim>& choice);
-  void settle_mass(double particle_mass);
-  void smooth_mass_defect();
+  void smooth_mass_defect(std::span<Vec<dim>> v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
-  void update_elements(double dt, index_t begin, index_t end);
+  void add_element_forces(double dt, index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
   void check_state(index_t bad_node);
@@ -177,11 +187,14 @@ private:
   double travel_ = 0.0; ///< of the fastest fluid and solid nodes since the wet nodes were chosen [m]
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
-  ElementTerms<dim> terms_;
+  MovingDelaunay<dim> delaunay_;
+  ElementSums<dim> sums_;
+  mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
   index_t n_wet_ = 0;                ///< nodes on an interface
   index_t n_layer_ = 0;              ///< wet nodes and their neighbours
   index_t e_wet_ = 0;                ///< elements that touch wet nodes
+  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
   std::vector<index_t> constrained_; ///< nodes on walls of the box
   std::vector<double> f_link_;       ///< last link force, n_wet × dim
   std::vector<float> quality_;       ///< of each element at the last remesh

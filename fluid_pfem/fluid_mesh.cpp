@@ -105,13 +105,31 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
 } // namespace
 
 template <int dim>
+std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements)
+{
+  // By the first corner with a count, then the few that share it; what names a node −1 comes first.
+  std::vector<index_t> begin(static_cast<std::size_t>(n_nodes) + 2, 0);
+  for (auto& e : elements)
+  {
+    e = canonical<dim>(e);
+    ++begin[static_cast<std::size_t>(e[0] + 2)];
+  }
+  for (std::size_t n = 1; n < begin.size(); ++n)
+    begin[n] += begin[n - 1];
+  std::vector<Simplex<dim>> sorted(elements.size());
+  std::vector<index_t> next(begin.begin(), begin.end() - 1);
+  for (const auto& e : elements)
+    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0] + 1)]++)] = e;
+  for (std::size_t n = 0; n + 1 < begin.size(); ++n)
+    std::sort(sorted.begin() + begin[n], sorted.begin() + begin[n + 1]);
+  return sorted;
+}
+
+template <int dim>
 FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
 {
   FluidMesh<dim> mesh;
-  for (auto& e : elements)
-    e = canonical<dim>(e);
-  std::sort(elements.begin(), elements.end());
-  mesh.elements = std::move(elements);
+  mesh.elements = sorted_elements<dim>(n_nodes, std::move(elements));
 
   mesh.fan_begin.assign(static_cast<std::size_t>(n_nodes) + 1, 0);
   for (const auto& e : mesh.elements)
@@ -142,6 +160,8 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   return mesh;
 }
 
+template std::vector<Simplex<2>> sorted_elements<2>(index_t, std::vector<Simplex<2>>);
+template std::vector<Simplex<3>> sorted_elements<3>(index_t, std::vector<Simplex<3>>);
 template FluidMesh<2> connect<2>(index_t, std::vector<Simplex<2>>);
 template FluidMesh<3> connect<3>(index_t, std::vector<Simplex<3>>);
 

@@ -43,6 +43,10 @@ struct FluidMesh
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }
 };
 
+/// Elements in the one form and order that depend on the set only, of nodes numbered −1 … n_nodes − 1.
+template <int dim>
+std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements);
+
 /// Sort the elements, find the boundary and the fans.
 template <int dim>
 FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements);

@@ -259,6 +259,17 @@ void FluidOutput<dim>::observe(double t, const Fluid<dim>& fluid, bool frame)
 }
 
 template <int dim>
+void FluidOutput<dim>::for_each_state(StateArchive& archive)
+{
+  archive("frames", frames_);
+  archive("probes", probes_);
+  archive("energy", energy_);
+  archive("mass", mass_);
+  archive("next_row", next_row_);
+  archive("next_sample", next_sample_);
+}
+
+template <int dim>
 void FluidOutput<dim>::sample_gauges(double t, const Fluid<dim>& fluid)
 {
   while (next_sample_ <= t)

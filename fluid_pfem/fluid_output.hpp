@@ -28,6 +28,7 @@ public:
   /// Call at every synchronised time; rows are written when they are due.
   void observe(double t, const Fluid<dim>& fluid, bool frame);
   void write_frame(double t, const Fluid<dim>& fluid);
+  void for_each_state(StateArchive& archive);
 
 private:
   struct Probe
@@ -42,6 +43,17 @@ private:
     int samples = 0;
     bool is_gauge() const { return config.radius > 0.0; }
     std::unique_ptr<History> history;
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("id", id);
+      archive("last_impulse", last_impulse);
+      archive("last_t", last_t);
+      archive("highest", highest);
+      archive("sum", sum);
+      archive("samples", samples);
+      archive("history", history);
+    }
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;

@@ -18,7 +18,7 @@ namespace
 using namespace undine;
 
 template <int dim>
-void run(const Launch& launch, const fluid::FluidConfig& config)
+ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
 {
   fluid::Fluid<dim> fluid(config);
   if (launch.line.check_only)
@@ -27,7 +27,7 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
                "{:.4g} s\n",
                fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
                config.tait.sound_speed(config.tait.rho0), fluid.critical_time_step());
-    return;
+    return ExitCode::success;
   }
   const bool coupled = launch.coupling.present;
   const link::World world =
@@ -40,15 +40,25 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
   const auto begin = std::chrono::steady_clock::now();
   const double mass = fluid.mass();
   const auto observe = [&](double t, const fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
+  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
+  const Persistence persistence{.role = launch.role,
+                                .from = launch.restart ? &*launch.restart : nullptr,
+                                .checkpoints = &checkpoints,
+                                .output = [&](StateArchive& archive) { archive("output", output); }};
+  if (launch.restart)
+    checkpoints.continue_from(launch.restart->manifest.t);
+  if (const std::string warning = launch.restart_warning(); !warning.empty())
+    log->warn(warning);
+  std::string stopped;
   double wait = 0.0;
   if (coupled)
   {
     link::SolverLink link(world.channel("coupler"));
-    fluid::run_coupled<dim>(fluid, link, observe);
+    fluid::run_coupled<dim>(fluid, link, observe, persistence);
     wait = link.wait_seconds();
   }
   else
-    fluid::run_alone<dim>(fluid, launch.run, launch.output.frame_interval, observe);
+    stopped = fluid::run_alone<dim>(fluid, launch.run, launch.output.frame_interval, observe, persistence);
 
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Summary summary;
@@ -64,18 +74,21 @@ void run(const Launch& launch, const fluid::FluidConfig& config)
   summary.write(launch.output.dir + "/fluid.json");
   log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(),
             fluid.remeshes(), wall, wait);
+  if (!stopped.empty())
+    log->info("stopped at t = {:.9g} s: {}; continue with --restart latest", fluid.time(), stopped);
+  return stopped.empty() ? ExitCode::success : ExitCode::stopped;
 }
 
-void start(Launch& launch)
+ExitCode start(Launch& launch)
 {
   const fluid::FluidConfig config = fluid::read_fluid(launch.file, launch.run, launch.coupling);
   launch.file.reject_unknown_keys({"fluid"});
   if (launch.line.document_keys)
   {
     std::fputs(launch.file.documentation().c_str(), stdout);
-    return;
+    return ExitCode::success;
   }
-  config.dim == 2 ? run<2>(launch, config) : run<3>(launch, config);
+  return config.dim == 2 ? run<2>(launch, config) : run<3>(launch, config);
 }
 
 } // namespace

@@ -3,26 +3,34 @@
 
 #include "fluid_pfem/simplex.hpp"
 
+#include <algorithm>
+#include <array>
+
 namespace undine::fluid
 {
 
 template <int dim>
-void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, index_t begin, index_t end)
+void add_element_volumes(const FluidMesh<dim>& mesh, index_t begin, index_t end, FluidNodes<dim>& nodes)
 {
   const Vec<dim>* x = nodes.x.data();
-  for (index_t n = begin; n < end; ++n)
+  double* V = nodes.V.data();
+  for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e)
   {
-    double V = 0.0;
-    for (const auto& entry : mesh.fan(n))
-    {
-      std::array<Vec<dim>, dim> opposite;
-      for (std::size_t k = 0; k < dim; ++k)
-        opposite[k] = x[entry.opposite[k]];
-      // N_n falls from 1 at n to 0 on the opposite facet, so V_e = V_e∇N_n · (x_n − x_opposite).
-      V += dot(volume_gradient<dim, double>(opposite), x[n] - opposite[0]);
-    }
-    nodes.V[static_cast<std::size_t>(n)] = V * (1.0 / (dim + 1));
+    const auto& n = mesh.elements[e];
+    std::array<Vec<dim>, dim + 1> corner;
+    for (std::size_t a = 0; a <= dim; ++a)
+      corner[a] = x[n[a]];
+    const double share = (1.0 / (dim + 1)) * signed_volume<dim, double>(corner);
+    for (std::size_t a = 0; a <= dim; ++a)
+      V[n[a]] += share;
   }
+}
+
+template <int dim>
+void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes)
+{
+  std::fill(nodes.V.begin(), nodes.V.end(), 0.0);
+  add_element_volumes<dim>(mesh, 0, mesh.n_elements(), nodes);
 }
 
 template <int dim>
@@ -55,8 +63,10 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
   return bad;
 }
 
-template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&, index_t, index_t);
-template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&, index_t, index_t);
+template void add_element_volumes<2>(const FluidMesh<2>&, index_t, index_t, FluidNodes<2>&);
+template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&);
+template void add_element_volumes<3>(const FluidMesh<3>&, index_t, index_t, FluidNodes<3>&);
+template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&);
 template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&,
                                                 index_t, index_t);
 template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&,

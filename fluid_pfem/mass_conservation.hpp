@@ -12,9 +12,12 @@
 namespace undine::fluid
 {
 
-/// Nodal volumes of nodes [begin, end) from the current positions. Isolated nodes get 0.
+/// Nodal volumes from the current positions. Isolated nodes get 0.
 template <int dim>
-void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, index_t begin, index_t end);
+void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes);
+/// Its part: add what elements [begin, end) give to the volumes of their corners, in their order.
+template <int dim>
+void add_element_volumes(const FluidMesh<dim>& mesh, index_t begin, index_t end, FluidNodes<dim>& nodes);
 
 /// ρ = m/V and p = p(ρ) of nodes [begin, end); isolated nodes are at ρ₀, p₀. A node whose volume is less than
 /// V* = `floor` times the regular volume (one flat element, a corner) would be a stiff spring: it is

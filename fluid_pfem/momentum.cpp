@@ -1,4 +1,4 @@
-// Nodal forces, gathered node by node: no scatter, no races, a fixed order of summation.
+// Element forces, eight elements side by side.
 #include "fluid_pfem/momentum.hpp"
 
 #include "fluid_pfem/newtonian.hpp"
@@ -13,117 +13,192 @@ namespace undine::fluid
 namespace
 {
 
-template <bool bulk, bool shear, bool exchange, int dim>
-void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const ElementTermsConfig& config,
-                  double c0, const Vec<dim>& b, double dt, index_t begin, index_t end,
-                  ElementTerms<dim>& terms)
+using std::abs;
+using std::max;
+using std::sqrt;
+
+/// The corners of one element, or of eight.
+template <int dim, class Real>
+struct Corners
 {
-  const double weight = 1.0 / (dim + 1), alpha = config.residual * std::sqrt(2.0 * dim) / c0;
-  const double with_a = config.residual_with_acceleration ? 1.0 : 0.0;
-  double dissipation = 0.0;
-  for (index_t e = begin; e < end; ++e)
+  std::array<Vec<dim, Real>, dim + 1> x, v, a;
+  std::array<Real, dim + 1> p, rho;
+};
+
+/// What an element adds to its corners.
+template <int dim, class Real>
+struct Added
+{
+  std::array<Vec<dim, Real>, dim + 1> F;
+  std::array<Real, dim + 1> dm;
+  Real dissipation;
+};
+
+struct Constants
+{
+  double b1_c0, b2_squared, mu, alpha, dt;
+};
+
+/// The formulas of add_element_forces. `least_mass()` is called only where the limit of z may be reached.
+template <bool bulk, bool shear, bool exchange, int dim, class Real, class LeastMass>
+Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k, const Vec<dim, Real>& b,
+                                LeastMass&& least_mass)
+{
+  constexpr double weight = 1.0 / (dim + 1);
+  Added<dim, Real> add{};
+  const auto S = volume_gradients<dim, Real>(e.x);
+  Real P = e.p[0], rho = e.rho[0];
+  for (std::size_t c = 1; c <= dim; ++c)
   {
-    const auto k = static_cast<std::size_t>(e);
-    const Simplex<dim>& corner = mesh.elements[k];
-    std::array<Vec<dim>, dim + 1> x;
-    double rho = 0.0;
-    for (std::size_t a = 0; a <= dim; ++a)
+    P += e.p[c];
+    rho += e.rho[c];
+  }
+  P *= weight;
+  rho *= weight;
+  Real S_squared = norm_squared(S[0]);
+  for (std::size_t c = 1; c <= dim; ++c)
+    S_squared += norm_squared(S[c]);
+  const Real V = dot(S[0], e.x[0] - e.x[1]);
+  const Real per_S = Real(1.0) / sqrt(max(S_squared, Real(1e-100)));
+  if constexpr (bulk)
+  {
+    Real D = dot(S[0], e.v[0]);
+    for (std::size_t c = 1; c <= dim; ++c)
+      D += dot(S[c], e.v[c]);
+    const Real r = D * per_S, compression = max(Real(0.0) - r, Real(0.0));
+    const Real q = Real(0.0) - rho * (Real(k.b1_c0) + Real(k.b2_squared) * compression) * r;
+    P += q;
+    add.dissipation -= q * D;
+  }
+  for (std::size_t c = 0; c <= dim; ++c)
+    add.F[c] = P * S[c];
+  if constexpr (shear)
+  {
+    // A sliver that is inverted or as flat as round-off has no meaningful velocity gradient.
+    const Real flat = Real(1e-9) * (dim == 2 ? S_squared : sqrt(S_squared) * sqrt(sqrt(S_squared)));
+    const Real inverse_V = select(V > flat, Real(1.0) / max(V, Real(1e-300)), Real(0.0));
+    Mat<dim, Real> grad_v{};
+    for (std::size_t c = 0; c <= dim; ++c)
+      grad_v += outer(e.v[c], S[c]);
+    grad_v *= inverse_V;
+    const Mat<dim, Real> tau = deviatoric_stress<dim, Real>(grad_v, k.mu) *
+                               viscous_fraction<dim, Real>(V, max(S_squared, Real(1e-100)));
+    for (std::size_t c = 0; c <= dim; ++c)
+      add.F[c] -= tau * S[c];
+    add.dissipation += contract(tau, grad_v) * V;
+  }
+  if constexpr (exchange)
+  {
+    Vec<dim, Real> z{}, a_bar{};
+    for (std::size_t c = 0; c <= dim; ++c)
     {
-      x[a] = nodes.x[static_cast<std::size_t>(corner[a])];
-      rho += weight * nodes.rho[static_cast<std::size_t>(corner[a])];
+      z += e.p[c] * S[c];
+      a_bar += e.a[c];
     }
-    const auto V_grad_N = volume_gradients<dim, double>(x);
-    const double V = dot(V_grad_N[0], x[0] - x[1]);
-    double V2_grad_N2 = 0.0;
-    for (std::size_t a = 0; a <= dim; ++a)
-      V2_grad_N2 += norm_squared(V_grad_N[a]);
-    // A sliver that is inverted or as flat as round-off has no meaningful gradients.
-    const bool has_gradients =
-        dim == 2 ? V > 1e-9 * V2_grad_N2 : V * V > 1e-18 * V2_grad_N2 * std::sqrt(V2_grad_N2);
-    const double proper = has_gradients ? 1.0 : 0.0;
-    const double inverse_V = proper / (V + (1.0 - proper));
-    const double height = proper * V / std::sqrt(V2_grad_N2);
-    if constexpr (bulk || shear)
+    a_bar *= Real(weight);
+    z -= (V * rho) * (b - a_bar);
+    z *= Real(k.alpha) * per_S;
+    Real largest{};
+    for (std::size_t c = 0; c <= dim; ++c)
     {
-      Mat<dim> grad_v;
-      for (std::size_t a = 0; a <= dim; ++a)
-        grad_v += outer(nodes.v[static_cast<std::size_t>(corner[a])], V_grad_N[a]);
-      grad_v *= inverse_V;
-      if constexpr (bulk)
-      {
-        const double div_v = trace(grad_v), b2 = config.bulk_quadratic;
-        const double q =
-            -rho * height * (config.bulk_linear * c0 - b2 * b2 * height * std::min(div_v, 0.0)) * div_v;
-        terms.q[k] = q;
-        dissipation -= q * div_v * V;
-      }
-      if constexpr (shear)
-      {
-        terms.tau[k] =
-            deviatoric_stress<dim, double>(grad_v, config.mu * viscous_fraction<dim>(V, V2_grad_N2));
-        dissipation += contract(terms.tau[k], grad_v) * V;
-      }
+      add.dm[c] = Real(0.0) - dot(S[c], z);
+      largest = max(largest, abs(add.dm[c]));
     }
-    if constexpr (exchange)
+    // No corner is lighter than a quarter of its share of this element unless elements have turned over.
+    if (any(Real(k.dt) * largest > Real(0.05 * 0.25 * weight) * rho * V))
     {
-      Vec<dim> grad_p{}, a_bar{};
-      for (std::size_t a = 0; a <= dim; ++a)
-      {
-        grad_p += nodes.p[static_cast<std::size_t>(corner[a])] * V_grad_N[a];
-        a_bar += (with_a * weight) * nodes.a[static_cast<std::size_t>(corner[a])];
-        if (!terms.body.empty())
-          a_bar -= weight * terms.body[static_cast<std::size_t>(corner[a])];
-      }
-      Vec<dim> z = (alpha * height) * (inverse_V * grad_p - (proper * rho) * (b - a_bar));
-      double largest = 0.0, least_mass = nodes.m[static_cast<std::size_t>(corner[0])];
-      for (std::size_t a = 0; a <= dim; ++a)
-      {
-        largest = std::max(largest, std::abs(dot(V_grad_N[a], z)));
-        least_mass = std::min(least_mass, nodes.m[static_cast<std::size_t>(corner[a])]);
-      }
-      const double allowed = 0.05 * std::max(least_mass, 0.0);
-      if (dt * largest > allowed)
-        z *= allowed / (dt * largest);
-      terms.z[k] = z;
+      const Real allowed = Real(0.05) * max(least_mass(), Real(0.0)), wanted = Real(k.dt) * largest;
+      const Real share = select(wanted > allowed, allowed / max(wanted, Real(1e-300)), Real(1.0));
+      for (std::size_t c = 0; c <= dim; ++c)
+        add.dm[c] *= share;
     }
   }
-  terms.dissipation += dissipation;
+  return add;
 }
 
+/// Flattened: eight elements fit into the registers only if every formula is inlined.
 template <bool bulk, bool shear, bool exchange, int dim>
-void node_pass(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms,
-               const Vec<dim>& b, index_t begin, index_t end, std::span<double> mass_rate)
+[[gnu::flatten]] void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                                   const Constants& k, const Vec<dim>& body, index_t begin, index_t end,
+                                   ElementSums<dim>& sums)
 {
-  const Vec<dim>* x = nodes.x.data();
-  const double* p = nodes.p.data();
-  for (index_t n = begin; n < end; ++n)
+  using Record = NodeRecord<dim>;
+  constexpr int L = Lanes::size;
+  Vec<dim, Lanes> b;
+  for (int i = 0; i < dim; ++i)
+    b[i] = body[i];
+  Lanes dissipation(0.0);
+  double dissipation_of_rest = 0.0;
+  for (index_t first = begin; first < end; first += L)
   {
-    Vec<dim> F{};
-    double dm = 0.0;
-    for (const auto& entry : mesh.fan(n))
+    const int count = std::min<index_t>(L, end - first);
+    std::array<const Simplex<dim>*, L> element;
+    for (int l = 0; l < L; ++l)
+      element[static_cast<std::size_t>(l)] =
+          &mesh.elements[static_cast<std::size_t>(first + std::min(l, count - 1))];
+    Corners<dim, Lanes> e;
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c <= dim; ++c)
     {
-      std::array<Vec<dim>, dim> opposite;
-      double p_bar = p[n];
-      for (std::size_t k = 0; k < dim; ++k)
+      Lanes column[Record::size];
+      for (int part = 0; part < Record::size; part += L)
       {
-        opposite[k] = x[entry.opposite[k]];
-        p_bar += p[entry.opposite[k]];
+        if (part > 0 && !exchange)
+          break; // only accelerations are there
+        const double* row[L];
+        for (std::size_t l = 0; l < L; ++l)
+          row[l] = sums.record[static_cast<std::size_t>((*element[l])[c])].c.data() + part;
+        load_columns(row, column + part);
       }
-      p_bar *= 1.0 / (dim + 1);
-      if constexpr (bulk)
-        p_bar += terms.q[static_cast<std::size_t>(entry.element)];
-      const Vec<dim> V_grad_N = volume_gradient<dim, double>(opposite);
-      F += p_bar * V_grad_N;
-      if constexpr (shear)
-        F -= terms.tau[static_cast<std::size_t>(entry.element)] * V_grad_N;
-      if constexpr (exchange)
-        dm -= dot(V_grad_N, terms.z[static_cast<std::size_t>(entry.element)]);
+      for (int i = 0; i < dim; ++i)
+      {
+        e.x[c][i] = column[Record::x + i];
+        e.v[c][i] = column[Record::v + i];
+        if constexpr (exchange)
+          e.a[c][i] = column[Record::a + i];
+      }
+      e.p[c] = column[Record::p];
+      e.rho[c] = column[Record::rho];
     }
-    const auto i = static_cast<std::size_t>(n);
-    nodes.a[i] = (1.0 / nodes.inertia[i]) * F + b;
-    if constexpr (exchange)
-      mass_rate[i] = dm;
+    const auto least_mass = [&]
+    {
+      Lanes least;
+      for (std::size_t l = 0; l < L; ++l)
+      {
+        double m = nodes.m[static_cast<std::size_t>((*element[l])[0])];
+        for (std::size_t c = 1; c <= dim; ++c)
+          m = std::min(m, nodes.m[static_cast<std::size_t>((*element[l])[c])]);
+        least.set(static_cast<int>(l), m);
+      }
+      return least;
+    };
+    const auto add = element_forces<bulk, shear, exchange, dim, Lanes>(e, k, b, least_mass);
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c <= dim; ++c)
+    {
+      Lanes column[4];
+      for (int i = 0; i < dim; ++i)
+        column[i] = add.F[c][i];
+      if constexpr (exchange)
+        column[3] = add.dm[c];
+      FourNumbers row[L];
+      store_rows(column, row);
+      if (count == L)
+        for (std::size_t l = 0; l < L; ++l)
+          sums.sum[static_cast<std::size_t>((*element[l])[c])] += row[l];
+      else
+        for (std::size_t l = 0; l < static_cast<std::size_t>(count); ++l)
+          sums.sum[static_cast<std::size_t>((*element[l])[c])] += row[l];
+    }
+    if (count == L)
+      dissipation += add.dissipation;
+    else
+      for (int l = 0; l < count; ++l)
+        dissipation_of_rest += add.dissipation[l];
   }
+  for (int l = 0; l < L; ++l)
+    dissipation_of_rest += dissipation[l];
+  sums.dissipation += dissipation_of_rest;
 }
 
 /// Call `act.template operator()<bulk, shear, exchange>()` with the three run-time switches as constants.
@@ -140,39 +215,82 @@ void with_switches(bool bulk, bool shear, bool exchange, Act&& act)
 } // namespace
 
 template <int dim>
-void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                          const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
-                          index_t begin, index_t end, ElementTerms<dim>& terms)
+void ElementSums<dim>::reset(index_t n)
 {
-  const bool bulk = config.bulk(), shear = config.mu > 0.0, exchange = config.residual > 0.0;
-  terms.q.resize(bulk ? mesh.elements.size() : 0);
-  terms.tau.resize(shear ? mesh.elements.size() : 0);
-  terms.z.resize(exchange ? mesh.elements.size() : 0);
-  if (begin == 0)
-    terms.dissipation = 0.0;
-  if (config.none())
-    return;
-  with_switches(bulk, shear, exchange,
-                [&]<bool B, bool S, bool X>()
-                { element_pass<B, S, X, dim>(mesh, nodes, config, c0, b, dt, begin, end, terms); });
+  record.assign(static_cast<std::size_t>(n), {});
+  sum.assign(static_cast<std::size_t>(n), FourNumbers{});
+  body.clear();
 }
 
 template <int dim>
-void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms,
-                         const Vec<dim>& b, index_t begin, index_t end, std::span<double> mass_rate)
+void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config, index_t begin, index_t end,
+                  ElementSums<dim>& sums)
 {
-  with_switches(!terms.q.empty(), !terms.tau.empty(), !terms.z.empty(),
-                [&]<bool B, bool S, bool X>()
-                { node_pass<B, S, X, dim>(mesh, nodes, terms, b, begin, end, mass_rate); });
+  using Record = NodeRecord<dim>;
+  const double with_a = config.residual_with_acceleration ? 1.0 : 0.0;
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+  {
+    auto& c = sums.record[n].c;
+    for (std::size_t i = 0; i < dim; ++i)
+    {
+      c[Record::x + i] = nodes.x[n].c[i];
+      c[Record::v + i] = nodes.v[n].c[i];
+      c[Record::a + i] = with_a * nodes.a[n].c[i];
+    }
+    c[Record::p] = nodes.p[n];
+    c[Record::rho] = nodes.rho[n];
+  }
+  if (!sums.body.empty())
+    for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+      for (std::size_t i = 0; i < dim; ++i)
+        sums.record[n].c[Record::a + i] -= sums.body[n].c[i];
 }
 
-template void update_element_terms<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
-                                      double, const Vec<2>&, double, index_t, index_t, ElementTerms<2>&);
-template void update_element_terms<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
-                                      double, const Vec<3>&, double, index_t, index_t, ElementTerms<3>&);
-template void update_acceleration<2>(const FluidMesh<2>&, FluidNodes<2>&, const ElementTerms<2>&,
-                                     const Vec<2>&, index_t, index_t, std::span<double>);
-template void update_acceleration<3>(const FluidMesh<3>&, FluidNodes<3>&, const ElementTerms<3>&,
-                                     const Vec<3>&, index_t, index_t, std::span<double>);
+template <int dim>
+void add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                        const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
+                        index_t begin, index_t end, ElementSums<dim>& sums)
+{
+  if (begin == 0)
+    sums.dissipation = 0.0;
+  const Constants constants{.b1_c0 = config.bulk_linear * c0,
+                            .b2_squared = config.bulk_quadratic * config.bulk_quadratic,
+                            .mu = config.mu,
+                            .alpha = config.residual * std::sqrt(2.0 * dim) / c0,
+                            .dt = dt};
+  with_switches(config.bulk(), config.mu > 0.0, config.residual > 0.0,
+                [&]<bool B, bool S, bool X>()
+                { element_pass<B, S, X, dim>(mesh, nodes, constants, b, begin, end, sums); });
+}
+
+template <int dim>
+void take_acceleration(FluidNodes<dim>& nodes, const Vec<dim>& b, index_t begin, index_t end,
+                       ElementSums<dim>& sums, std::span<double> mass_rate)
+{
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+  {
+    const double per_mass = 1.0 / nodes.inertia[n];
+    for (int i = 0; i < dim; ++i)
+      nodes.a[n][i] = per_mass * sums.sum[n][i] + b[i];
+  }
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end) && !mass_rate.empty(); ++n)
+    mass_rate[n] = sums.sum[n][3];
+  std::fill(sums.sum.begin() + begin, sums.sum.begin() + end, FourNumbers{});
+}
+
+template struct ElementSums<2>;
+template struct ElementSums<3>;
+template void record_nodes<2>(const FluidNodes<2>&, const ElementTermsConfig&, index_t, index_t,
+                              ElementSums<2>&);
+template void record_nodes<3>(const FluidNodes<3>&, const ElementTermsConfig&, index_t, index_t,
+                              ElementSums<3>&);
+template void add_element_forces<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
+                                    double, const Vec<2>&, double, index_t, index_t, ElementSums<2>&);
+template void add_element_forces<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
+                                    double, const Vec<3>&, double, index_t, index_t, ElementSums<3>&);
+template void take_acceleration<2>(FluidNodes<2>&, const Vec<2>&, index_t, index_t, ElementSums<2>&,
+                                   std::span<double>);
+template void take_acceleration<3>(FluidNodes<3>&, const Vec<3>&, index_t, index_t, ElementSums<3>&,
+                                   std::span<double>);
 
 } // namespace undine::fluid

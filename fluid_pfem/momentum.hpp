@@ -5,11 +5,16 @@
 // so that between remeshes the inviscid, unstabilised fluid is a Hamiltonian system and central differences
 // keep its energy. Everything else is a term of an element: a bulk viscosity q_e added to p̄_e, a viscous
 // stress τ_e, a mass flux z_e. A term that a scene does not need is not computed.
+//
+// One pass over the elements, eight at a time, reads one record per corner and adds force and mass flux to
+// the corners. Elements are added in their order, so every sum has one order.
 #pragma once
 
+#include "common/lanes.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -29,33 +34,57 @@ struct ElementTermsConfig
   bool none() const { return mu == 0.0 && !bulk() && residual == 0.0; }
 };
 
-/// The element terms at one instant.
+/// What elements read of a node, side by side: x, v, p, ρ, a − body. One cache line in the plane.
 template <int dim>
-struct ElementTerms
+struct alignas(64) NodeRecord
 {
-  std::vector<double> q;      ///< bulk viscous pressure [Pa]; empty if there is none
-  std::vector<Mat<dim>> tau;  ///< viscous stress [Pa]; empty if μ = 0
-  std::vector<Vec<dim>> z;    ///< stabilising mass flux [kg/(m² s)]; empty if there is none
-  std::vector<Vec<dim>> body; ///< nodal body force beyond gravity [m/s²]; empty if there is none
-  double dissipation = 0.0;   ///< power turned into heat by q and τ [W]
+  static constexpr int x = 0, v = dim, p = 2 * dim, rho = 2 * dim + 1, a = 2 * dim + 2;
+  static constexpr int size = dim == 2 ? 8 : 16;
+  std::array<double, size> c{};
 };
 
-/// Element terms of elements [begin, end) from positions, velocities at the half step and accelerations of
-/// the last instant.
-///   q = −ρ ℓ (b₁ c₀ − b₂² ℓ min(∇·v, 0)) ∇·v                 (von Neumann & Richtmyer 1950), ℓ the height
-///   (Σ|∇N|²)^(−1/2), τ = 2μ dev D, z = α (√(2 dim) ℓ/c₀) (∇p − ρ (b − ā))                      (residual of
-///   momentum; zero in hydrostatic rest).
-/// The height as length keeps q and z bounded on slivers; over a step `dt` [s] z takes at most a twentieth of
-/// the smallest mass of its element.
+/// What elements read and add to during a step.
 template <int dim>
-void update_element_terms(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                          const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
-                          index_t begin, index_t end, ElementTerms<dim>& terms);
+struct ElementSums
+{
+  std::vector<NodeRecord<dim>> record;
+  std::vector<FourNumbers> sum; ///< force [N] in the first dim entries, mass flux [kg/s] in the last; zero
+                                ///< between steps
+  std::vector<Vec<dim>> body;   ///< nodal body force beyond gravity [m/s²]; empty if there is none
+  double dissipation = 0.0;     ///< power turned into heat by q and τ [W]
 
-/// Acceleration a = F/inertia + b of nodes [begin, end), and where there is a mass flux ṁ_i = −Σ_e V_e
-/// ∇N_i·z_e [kg/s].
+  /// Records and sums for n nodes, all zero; no body force.
+  void reset(index_t n);
+
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("body", body);
+    archive("dissipation", dissipation);
+  }
+};
+
+/// Records of nodes [begin, end): velocities at the half step, accelerations of the last instant.
 template <int dim>
-void update_acceleration(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes, const ElementTerms<dim>& terms,
-                         const Vec<dim>& b, index_t begin, index_t end, std::span<double> mass_rate);
+void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config, index_t begin, index_t end,
+                  ElementSums<dim>& sums);
+
+/// Add force and mass flux of elements [begin, end) to their corners. With S_i = V_e∇N_i, D = Σ S_i·v_i:
+///   F_i = (p̄ + q) S_i − τ S_i,   ṁ_i = −S_i·z,
+///   q = −ρ (b₁ c₀ − b₂² min(r, 0)) r,  r = D/√Σ|S|² = ℓ ∇·v       (von Neumann & Richtmyer 1950),
+///   z = α √(2 dim)/c₀ (Σ S_k p_k − V ρ (b − ā))/√Σ|S|²              (residual of momentum; zero in
+/// hydrostatic rest), τ = 2μ dev D. The length ℓ = (Σ|∇N|²)^(−1/2) is a height: q and z are bounded on
+/// slivers and need no division by V. Over a step `dt` [s] z takes at most a twentieth of the smallest mass
+/// of its element.
+template <int dim>
+void add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                        const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
+                        index_t begin, index_t end, ElementSums<dim>& sums);
+
+/// Acceleration a = F/inertia + b of nodes [begin, end), and their mass flux ṁ [kg/s] if `mass_rate` is not
+/// empty. Takes the sums: they are zero afterwards.
+template <int dim>
+void take_acceleration(FluidNodes<dim>& nodes, const Vec<dim>& b, index_t begin, index_t end,
+                       ElementSums<dim>& sums, std::span<double> mass_rate);
 
 } // namespace undine::fluid

@@ -1,6 +1,8 @@
 // The fluid's time loops, to be read beside section 4 of Meduri et al. (2017).
 #include "fluid_pfem/run.hpp"
 
+#include "common/io/stop_signal.hpp"
+#include "common/program/coupled_checkpoint.hpp"
 #include "common/time/step_ladder.hpp"
 
 #include <algorithm>
@@ -37,10 +39,16 @@ link::Report report_of(const Fluid<dim>& fluid, double initial_potential)
 } // namespace
 
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe)
+void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe,
+                 const Persistence& persistence)
 {
   const auto begin = std::chrono::steady_clock::now();
   double initial_potential = 0.0;
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("fluid", fluid);
+    archive("initial_potential", initial_potential);
+  };
   const auto report = [&](bool surface_changed)
   {
     link::Report r = report_of(fluid, initial_potential);
@@ -51,17 +59,32 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
   };
 
   const link::Setup setup = link.receive_setup();
+  require_same_restart(persistence, setup);
   const bool in_contact = setup.scheme == link::contact_surface_scheme;
   if (in_contact)
-    fluid.meet_solid(link.receive_surface());
+  {
+    const link::SurfaceMesh solid = link.receive_surface();
+    if (!persistence.restarts())
+      fluid.meet_solid(solid);
+  }
   initial_potential = fluid.energy().potential;
+  if (persistence.restarts())
+    persistence.restore(state);
+  link.on_checkpoint([&](const link::CheckpointOrder& order) { return save_for(order, persistence, state); });
   link.send_mesh(fluid.wet_surface());
-  observe(setup.t_begin, fluid, true);
+  if (!persistence.restarts())
+    observe(setup.t_begin, fluid, true);
   std::vector<double> f_link(fluid.interface_velocity().size());
   report(false);
 
+  bool stop_asked = false;
   while (const auto window = link.next_window())
   {
+    if (const std::string signal = stop_signal(); !signal.empty() && !stop_asked)
+    {
+      link.send_stop_request("the fluid received " + signal);
+      stop_asked = true;
+    }
     const double dt = window->dt();
     if (window->activate)
     {
@@ -108,15 +131,27 @@ void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>&
 }
 
 template <int dim>
-void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe)
+std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval,
+                      const Observer<dim>& observe, const Persistence& persistence)
 {
   const std::int64_t look = fluid.config().look_every;
   const std::int64_t look_at_mesh_every = look > 0 ? look : 4, look_at_step_every = look > 0 ? look : 8;
   const StepLadder ladder;
   double t = run.t_begin, dt = 0.0;
-  std::int64_t frames = 1;
-  observe(t, fluid, true);
-  for (std::int64_t step = 0; t < run.t_end; ++step)
+  std::int64_t frames = 1, step = 0;
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("fluid", fluid);
+    archive("t", t);
+    archive("dt", dt);
+    archive("frames", frames);
+    archive("step", step);
+  };
+  if (persistence.restarts())
+    persistence.restore(state);
+  else
+    observe(t, fluid, true);
+  while (t < run.t_end)
   {
     const bool remesh = step > 0 && step % look_at_mesh_every == 0 && fluid.is_distorted();
     if (remesh)
@@ -132,13 +167,19 @@ void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, c
     const bool frame = t >= run.t_end || (frame_interval > 0.0 &&
                                           t >= run.t_begin + static_cast<double>(frames) * frame_interval);
     frames += frame;
+    ++step;
     observe(t, fluid, frame);
+    if (std::string reason = persistence.after_step(t, step, state); !reason.empty() && t < run.t_end)
+      return reason;
   }
+  return "";
 }
 
-template void run_coupled<2>(Fluid<2>&, link::SolverLink&, const Observer<2>&);
-template void run_coupled<3>(Fluid<3>&, link::SolverLink&, const Observer<3>&);
-template void run_alone<2>(Fluid<2>&, const RunConfig&, double, const Observer<2>&);
-template void run_alone<3>(Fluid<3>&, const RunConfig&, double, const Observer<3>&);
+template void run_coupled<2>(Fluid<2>&, link::SolverLink&, const Observer<2>&, const Persistence&);
+template void run_coupled<3>(Fluid<3>&, link::SolverLink&, const Observer<3>&, const Persistence&);
+template std::string run_alone<2>(Fluid<2>&, const RunConfig&, double, const Observer<2>&,
+                                  const Persistence&);
+template std::string run_alone<3>(Fluid<3>&, const RunConfig&, double, const Observer<3>&,
+                                  const Persistence&);
 
 } // namespace undine::fluid

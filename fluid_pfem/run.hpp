@@ -3,9 +3,11 @@
 
 #include "common/config/run_config.hpp"
 #include "common/coupling/link.hpp"
+#include "common/io/checkpoint.hpp"
 #include "fluid_pfem/fluid.hpp"
 
 #include <functional>
+#include <string>
 
 namespace undine::fluid
 {
@@ -17,10 +19,13 @@ using Observer = std::function<void(double t, const Fluid<dim>& fluid, bool fram
 
 /// Run coupled until the coupler says good-bye.
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe);
+void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe,
+                 const Persistence& persistence = {});
 
 /// Run alone from run.t_begin to run.t_end. `frame_interval` [s], 0: only the first and the last frame.
+/// @returns why it stopped earlier, its state written; empty if it did not
 template <int dim>
-void run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval, const Observer<dim>& observe);
+std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval,
+                      const Observer<dim>& observe, const Persistence& persistence = {});
 
 } // namespace undine::fluid

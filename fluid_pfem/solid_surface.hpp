@@ -23,6 +23,17 @@ public:
   /// Largest speed of a node between the last two calls of show() [m/s]; infinite after the first.
   double speed() const { return speed_; }
 
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("surface", surface_);
+    archive("side", side_);
+    archive("low", low_);
+    archive("high", high_);
+    archive("t", t_);
+    archive("speed", speed_);
+  }
+
   bool is_near(const Vec<dim>& x, double reach) const;
   /// Numbers of the smooth sides on which x lies within `tolerance` [m], at most three, −1 where fewer. They
   /// do not collide with those of rigid walls.

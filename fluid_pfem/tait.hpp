@@ -37,6 +37,11 @@ struct Tait
     if (gamma == 1.0)
       return B / rho0 * (std::log(r) + 1.0 / r - 1.0);
     // (B/ρ₀)[r^(γ−1)/(γ−1) + 1/r − γ/(γ−1)], written without the cancellation near r = 1
+    if (gamma == 7.0) // by powers of s = r − 1, of which those below s² cancel
+    {
+      const double s = r - 1.0;
+      return B / rho0 * s * s * (1.0 / r + 2.5 + s * (10.0 / 3.0 + s * (2.5 + s * (1.0 + s / 6.0))));
+    }
     const double l = std::log(r);
     return B / rho0 * (std::expm1((gamma - 1.0) * l) / (gamma - 1.0) + std::expm1(-l));
   }

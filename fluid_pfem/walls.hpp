@@ -122,6 +122,16 @@ public:
   /// Impulse on each wall since the last reset_impulse [N s].
   const std::vector<Vec<dim>>& impulse() const { return impulse_; }
   void reset_impulse();
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("pieces", pieces_);
+    archive("before", before_);
+    archive("candidates", candidates_);
+    archive("impulse", impulse_);
+    archive("margin", margin_);
+    archive("moved", moved_);
+  }
 
 private:
   double depth_in(int wall, const Vec<dim>& x) const;

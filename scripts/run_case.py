@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def parse_arguments():
     p.add_argument("--ranks", default="", metavar="fluid=N,solid=M,coupler=1", help="MPI ranks of each program (default 1)")
     p.add_argument("--set", action="append", default=[], metavar="table.key=value", help="override a key of the case (repeatable)")
     p.add_argument("--until", metavar="T", help="end time in seconds instead of run.t_end")
+    p.add_argument("--restart", metavar="latest|ID", help="continue from a checkpoint of the output folder")
     p.add_argument("--check", action="store_true", help="read and validate everything, estimate, do not run")
     p.add_argument("--no-plots", action="store_true", help="no PNG files")
     p.add_argument("--verbose", action="store_true", help="programs say more in their logs")
@@ -101,6 +103,8 @@ def mpirun_line(args, case, settings, programs, ranks, out):
         common += ["--set", override]
     if args.until:
         common += ["--until", args.until]
+    if args.restart:
+        common += ["--restart", args.restart]
     if sys.stderr.isatty():  # mpirun hides the terminal from the programs
         common += ["--progress", "1"]
     common += ["--check"] * args.check + ["--verbose"] * args.verbose
@@ -120,6 +124,8 @@ def mpirun_line(args, case, settings, programs, ranks, out):
 def run_and_listen(line, environment):
     """Run `line`; pass on its stderr and keep the end of it. Returns the exit code as a shell counts, and that text."""
     process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE)
+    for number in (signal.SIGUSR1, signal.SIGTERM):  # mpirun hands SIGUSR1 to the programs, which stop in order
+        signal.signal(number, lambda *_: process.send_signal(signal.SIGUSR1))
     heard = b""
     try:
         while chunk := os.read(process.stderr.fileno(), 65536):
@@ -179,6 +185,32 @@ def check_all(lines, settings, environment):
     for text in advice:
         print(f"advice: {text}")
     return 0
+
+
+def check_foreign(args, case, settings, programs, environment):
+    """HELLO, MESH and an orderly run of each foreign program, by undine-conform. Returns the exit code."""
+    binaries, _ = places(args.build)
+    code = 0
+    for program in (p for p in programs if p != "coupler" and settings[p].get("program")):
+        command = foreign_command(settings[program]["program"], case, binaries)
+        with tempfile.TemporaryDirectory(prefix="undine_check_") as out:
+            (Path(out) / "history").mkdir()
+            line = [str(binaries / "undine-conform"), "--role", program, "--dim", str(settings["run"].get("dimension", 2)), "--only", "rest"]
+            for interface in settings.get("interface", []):
+                line += ["--interface", interface["name"]]
+            line += ["--", *command, str(case), "--out", out, *(word for override in args.set for word in ("--set", override))]
+            result = subprocess.run(line, env=environment, capture_output=True, text=True)
+        rules = re.findall(r"^  (pass|FAIL)\s+\S+\s+(.*)$", result.stdout, re.MULTILINE)
+        broken = [rule for verdict, rule in rules if verdict == "FAIL"]
+        print(f"{program}: {' '.join(settings[program]['program'])}, a program of its own: hand-shake, surface and an orderly run keep "
+              f"{len(rules) - len(broken)} of {len(rules)} rules of docs/protocol.md")
+        for rule in broken:
+            print(f"error: {program}: {rule}; see undine-conform", file=sys.stderr)
+        if result.returncode != 0 or not rules:
+            code = 20
+            if not broken:
+                sys.stderr.write(result.stdout + result.stderr)
+    return code
 
 
 def link_earlier(out):
@@ -254,7 +286,7 @@ def main():
     lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
-        code = check_all(lines, settings, environment)
+        code = check_all(lines, settings, environment) or check_foreign(args, case, settings, programs, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
             print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))
@@ -264,9 +296,9 @@ def main():
     earlier = link_earlier(out)
     for old in list(out.glob("*.json")) + [out / "FAILED.toml", out / "report.html", out / "view.py"]:
         old.unlink(missing_ok=True)
-    for old in ("history", "plots"):
+    for old in ("plots",) if args.restart else ("history", "plots", "checkpoints"):
         shutil.rmtree(out / old, ignore_errors=True)
-    (out / "history").mkdir()
+    (out / "history").mkdir(exist_ok=True)
 
     print(shlex.join(lines[0]), flush=True)
     begin = time.monotonic()
@@ -279,6 +311,9 @@ def main():
     summary = collect_summary(out, programs, code, time.monotonic() - begin)
     summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    if code == 3:
+        print(f"stopped on request; continue with --restart latest --out {out}", file=sys.stderr)
+        return code
     if code != 0:
         if killed := killed_program(heard, ranks):
             report_killed(out, code, killed)

@@ -142,6 +142,23 @@ public:
     visit("beam_moment", M_);
   }
 
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("time", time_);
+    archive("arm", arm_);
+    archive("u", u_);
+    archive("v", v_);
+    archive("a", a_);
+    archive("F", F_);
+    archive("load", load_);
+    archive("theta", theta_);
+    archive("omega", omega_);
+    archive("alpha", alpha_);
+    archive("M", M_);
+    archive("load_moment", load_moment_);
+  }
+
 private:
   struct Element
   {

@@ -17,6 +17,15 @@ struct BodyState
   std::vector<double> nodal_volume;  ///< nodal dilatation only: volume around each node [m^dim]
   std::vector<double> nodal_field;   ///< nodal dilatation only: J̄ − 1, then the pressures, of each node
   std::vector<Mat<dim>> element_tau; ///< nodal dilatation only: deviatoric Kirchhoff stress [Pa]
+
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("history", history);
+    archive("nodal_volume", nodal_volume);
+    archive("nodal_field", nodal_field);
+    archive("element_tau", element_tau);
+  }
 };
 
 template <int dim>

@@ -53,6 +53,21 @@ public:
   /// Force of wall `k` on the solid at the last evaluation [N].
   const Vec<dim>& wall_force(std::size_t k) const { return walls_[k].force; }
   std::int64_t searches() const { return searches_; } ///< how often candidates were looked for
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("stored", stored_);
+    archive("added_frequency2", added_frequency2_);
+    archive("searches", searches_);
+    archive("v_next", v_next_);
+    for (std::size_t k = 0; k < walls_.size(); ++k)
+      archive("wall_force_" + std::to_string(k), walls_[k].force);
+    for (std::size_t k = 0; k < pairs_.size(); ++k)
+    {
+      archive("x_at_search_" + std::to_string(k), pairs_[k].x_at_search);
+      archive("candidates_" + std::to_string(k), pairs_[k].candidates);
+    }
+  }
 
 private:
   struct Wall

@@ -56,7 +56,7 @@ std::vector<std::string> partners(const Launch& launch)
 }
 
 template <int dim>
-void run(const Launch& launch, const solid::SolidConfig& config)
+ExitCode run(const Launch& launch, const solid::SolidConfig& config)
 {
   solid::Solid<dim> solid(config, solid::make_mesh<dim>(config));
   solid::check_probes(launch.probes, solid);
@@ -64,7 +64,7 @@ void run(const Launch& launch, const solid::SolidConfig& config)
   if (launch.line.check_only)
   {
     std::fputs(description.c_str(), stdout);
-    return;
+    return ExitCode::success;
   }
   if (launch.line.modes > 0)
   {
@@ -72,7 +72,7 @@ void run(const Launch& launch, const solid::SolidConfig& config)
     const auto frequencies = solid::natural_frequencies(solid, launch.line.modes);
     for (std::size_t k = 0; k < frequencies.size(); ++k)
       std::printf("%4zu  %.9g\n", k + 1, frequencies[k]);
-    return;
+    return ExitCode::success;
   }
   const link::World world = launch.meet(partners(launch));
   const bool coupled = world.coupled();
@@ -95,15 +95,31 @@ void run(const Launch& launch, const solid::SolidConfig& config)
   std::optional<link::SolverLink> coupler;
   if (coupled)
     coupler.emplace(world.channel("coupler"));
+  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
+  const Persistence persistence{.role = launch.role,
+                                .from = launch.restart ? &*launch.restart : nullptr,
+                                .checkpoints = &checkpoints,
+                                .output = [&](StateArchive& archive) { archive("output", output); }};
+  if (launch.restart)
+    checkpoints.continue_from(launch.restart->manifest.t);
+  if (const std::string warning = launch.restart_warning(); !warning.empty())
+    log->warn(warning);
   try
   {
     const Reporter reporter(log, launch.run.t_end);
-    const auto result = coupler ? solid::run_coupled<dim>(solid, *coupler, times, &output, reporter)
-                                : solid::run_alone<dim>(solid, times, &output, reporter);
-    summarise(result, "completed", ExitCode::success);
-    log->info("completed at t = {:.9g} s after {} steps, {:.3g} s of computing, {:.3g} s of waiting; energy "
+    const auto result = coupler
+                            ? solid::run_coupled<dim>(solid, *coupler, times, &output, reporter, persistence)
+                            : solid::run_alone<dim>(solid, times, &output, reporter, persistence);
+    const bool stopped = !result.stop_reason.empty();
+    const ExitCode code = stopped ? ExitCode::stopped : ExitCode::success;
+    summarise(result, stopped ? "stopped" : "completed", code);
+    if (stopped)
+      log->info("stopped: {}; continue with --restart latest", result.stop_reason);
+    log->info("{} at t = {:.9g} s after {} steps, {:.3g} s of computing, {:.3g} s of waiting; energy "
               "drift {:.3g}",
-              result.t_end, result.steps, result.compute_seconds, result.wait_seconds, result.energy_drift);
+              stopped ? "stopped" : "completed", result.t_end, result.steps, result.compute_seconds,
+              result.wait_seconds, result.energy_drift);
+    return code;
   }
   catch (const NumericalError& error)
   {
@@ -121,7 +137,7 @@ void run(const Launch& launch, const solid::SolidConfig& config)
   }
 }
 
-void start(Launch& launch)
+ExitCode start(Launch& launch)
 {
   const solid::SolidConfig config =
       solid::read_solid_config(launch.file, launch.run.dim, launch.run.element_size());
@@ -129,9 +145,9 @@ void start(Launch& launch)
   if (launch.line.document_keys)
   {
     std::fputs(launch.file.documentation().c_str(), stdout);
-    return;
+    return ExitCode::success;
   }
-  config.dim == 2 ? run<2>(launch, config) : run<3>(launch, config);
+  return config.dim == 2 ? run<2>(launch, config) : run<3>(launch, config);
 }
 
 } // namespace

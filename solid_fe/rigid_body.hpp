@@ -44,6 +44,20 @@ public:
     finish_step(dt, F, M, nodes);
   }
 
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("arm", arm_);
+    archive("u", u_);
+    archive("centre", centre_);
+    archive("velocity", velocity_);
+    archive("force", force_);
+    archive("rotation", rotation_);
+    archive("spin", spin_);
+    archive("omega", omega_);
+    archive("moment", moment_);
+  }
+
   const std::vector<std::size_t>& members() const { return members_; }
   double mass() const { return mass_; }
   const Vec<dim>& centre() const { return centre_; }     ///< now [m]

@@ -2,6 +2,8 @@
 #include "solid_fe/run.hpp"
 
 #include "common/error.hpp"
+#include "common/io/stop_signal.hpp"
+#include "common/program/coupled_checkpoint.hpp"
 #include "solid_fe/step_watch.hpp"
 
 #include <algorithm>
@@ -25,10 +27,9 @@ template <int dim>
 class Ledger
 {
 public:
-  Ledger(const Solid<dim>& solid, const Energies& start, const RunTimes& times, SolidOutput<dim>* output)
+  Ledger(const Energies& start, const RunTimes& times, SolidOutput<dim>* output)
       : output_(output), interval_(times.history_interval), balance_at_start_(start.balance())
   {
-    record(solid, start);
   }
 
   /// Is a row due at the solid's time, to within half a step?
@@ -41,6 +42,13 @@ public:
     if (output_ != nullptr)
       output_->write_history(solid, e);
     next_ = interval_ > 0.0 ? interval_ * (std::floor(solid.time() / interval_ + 0.5) + 1.0) : 0.0;
+  }
+  void for_each_state(StateArchive& archive)
+  {
+    archive("balance_at_start", balance_at_start_);
+    archive("next", next_);
+    archive("imbalance", imbalance_);
+    archive("scale", scale_);
   }
   double drift() const { return scale_ > 0.0 ? imbalance_ / scale_ : 0.0; }
 
@@ -104,23 +112,47 @@ double next_step(double dt, double limit)
 
 template <int dim>
 RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output,
-                    const Progress& progress)
+                    const Progress& progress, const Persistence& persistence)
 {
   RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
   const double started = seconds_now();
-  const double mass = solid.mass();
-  Ledger<dim> ledger(solid, solid.energies(), times, output);
-  if (output != nullptr)
-    output->write_frame(solid);
-
+  double mass = solid.mass();
+  Ledger<dim> ledger(solid.energies(), times, output);
   StepWatch<dim> watch;
-  double dt_wanted = watch.limit(solid);
-  bool go_on = true;
-  for (const double t_due : frame_times(solid.time(), times))
+  double dt_wanted = 0.0, dt = 0.0, t_begin = solid.time();
+  std::int64_t steps_left = 0;
+  std::uint64_t frame = 0; // the one that is on its way
+  const StateVisitor state = [&](StateArchive& archive)
   {
-    dt_wanted = next_step(dt_wanted, watch.limit(solid));
-    std::int64_t steps_left = 0;
-    double dt = 0.0;
+    archive("solid", solid);
+    archive("ledger", ledger);
+    archive("watch", watch);
+    archive("dt_wanted", dt_wanted);
+    archive("dt", dt);
+    archive("t_begin", t_begin);
+    archive("steps_left", steps_left);
+    archive("frame", frame);
+    archive("smallest_step", result.smallest_step);
+    archive("mass", mass);
+  };
+  const bool continues = persistence.restarts();
+  if (continues)
+    persistence.restore(state);
+  else
+  {
+    ledger.record(solid, solid.energies());
+    if (output != nullptr)
+      output->write_frame(solid);
+    dt_wanted = watch.limit(solid);
+  }
+
+  bool go_on = true;
+  bool on_its_way = continues;
+  for (const auto frames = frame_times(t_begin, times); frame < frames.size(); ++frame)
+  {
+    const double t_due = frames[frame];
+    if (!on_its_way)
+      dt_wanted = next_step(dt_wanted, watch.limit(solid));
     const auto divide = [&] // the way to the next frame into equal steps
     {
       steps_left = std::max<std::int64_t>(
@@ -128,7 +160,10 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
       dt = (t_due - solid.time()) / static_cast<double>(steps_left);
       result.smallest_step = std::min(result.smallest_step, dt);
     };
-    for (divide(); go_on && steps_left > 0; --steps_left)
+    if (!on_its_way)
+      divide();
+    on_its_way = false;
+    while (go_on && steps_left > 0)
     {
       if (const double limit = watch.limit(solid); limit < dt)
       {
@@ -139,7 +174,17 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
       solid.solve_free_motion(dt); // M a = F_ext − F_int(u),  v ← v + Δt/2 a
       if (ledger.is_due(solid, dt) || (steps_left == 1 && t_due == times.t_end))
         ledger.record(solid, solid.energies());
+      --steps_left;
       go_on = !progress || progress(solid.time(), solid.steps(), dt);
+      result.stop_reason = persistence.after_step(solid.time(), solid.steps(), state);
+      if (!result.stop_reason.empty() && !(steps_left == 0 && frame + 1 == frames.size()))
+        break;
+      result.stop_reason.clear();
+    }
+    if (!result.stop_reason.empty())
+    {
+      go_on = false;
+      break;
     }
     if (output != nullptr)
       output->write_frame(solid);
@@ -157,24 +202,45 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
 
 template <int dim>
 RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
-                      SolidOutput<dim>* output, const Progress& progress)
+                      SolidOutput<dim>* output, const Progress& progress, const Persistence& persistence)
 {
   RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
   const auto setup = link.receive_setup();
+  require_same_restart(persistence, setup);
+  double mass = solid.mass();
+  Ledger<dim> ledger(solid.energies(), times, output);
+  StepWatch<dim> watch;
+  const StateVisitor state = [&](StateArchive& archive)
+  {
+    archive("solid", solid);
+    archive("ledger", ledger);
+    archive("watch", watch);
+    archive("windows", result.windows);
+    archive("smallest_step", result.smallest_step);
+    archive("mass", mass);
+  };
+  if (persistence.restarts())
+    persistence.restore(state);
+  else
+    solid.set_time(setup.t_begin);
+  link.on_checkpoint([&](const link::CheckpointOrder& order) { return save_for(order, persistence, state); });
   const auto surface = solid.wet_surface();
   require_same_interfaces(setup, surface);
   const bool in_contact = setup.scheme == link::contact_scheme;
   link.send_mesh(surface);
+  if (persistence.restarts()) // a beam's surface was told its present rotations; the coupler has those of the
+                              // checkpoint
+    persistence.restore(state);
 
   const double started = seconds_now(), waited = link.wait_seconds();
-  const double mass = solid.mass();
-  solid.set_time(setup.t_begin);
   Energies energies = solid.energies();
-  Ledger<dim> ledger(solid, energies, times, output);
-  if (output != nullptr)
-    output->write_frame(solid);
+  if (!persistence.restarts())
+  {
+    ledger.record(solid, energies);
+    if (output != nullptr)
+      output->write_frame(solid);
+  }
   std::vector<double> f_link(solid.interface_velocity().size());
-  StepWatch<dim> watch;
   bool stop_asked = false;
 
   while (true)
@@ -228,9 +294,10 @@ RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes&
       ledger.record(solid, energies);
     if (output != nullptr && (window->output || window->last))
       output->write_frame(solid);
-    if (progress && !stop_asked && !progress(solid.time(), solid.steps(), dt))
+    const bool go_on = !progress || progress(solid.time(), solid.steps(), dt);
+    if (const std::string signal = stop_signal(); !stop_asked && (!go_on || !signal.empty()))
     {
-      link.send_stop_request("the solid was asked to stop");
+      link.send_stop_request(signal.empty() ? "the solid was asked to stop" : "the solid received " + signal);
       stop_asked = true;
     }
   }
@@ -279,12 +346,14 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
   return summary;
 }
 
-template RunResult run_alone(Solid<2>&, const RunTimes&, SolidOutput<2>*, const Progress&);
-template RunResult run_alone(Solid<3>&, const RunTimes&, SolidOutput<3>*, const Progress&);
+template RunResult run_alone(Solid<2>&, const RunTimes&, SolidOutput<2>*, const Progress&,
+                             const Persistence&);
+template RunResult run_alone(Solid<3>&, const RunTimes&, SolidOutput<3>*, const Progress&,
+                             const Persistence&);
 template RunResult run_coupled(Solid<2>&, link::SolverLink&, const RunTimes&, SolidOutput<2>*,
-                               const Progress&);
+                               const Progress&, const Persistence&);
 template RunResult run_coupled(Solid<3>&, link::SolverLink&, const RunTimes&, SolidOutput<3>*,
-                               const Progress&);
+                               const Progress&, const Persistence&);
 template Summary summarise(const Solid<2>&, const RunResult&);
 template Summary summarise(const Solid<3>&, const RunResult&);
 

@@ -2,12 +2,14 @@
 #pragma once
 
 #include "common/coupling/link.hpp"
+#include "common/io/checkpoint.hpp"
 #include "common/io/summary.hpp"
 #include "solid_fe/solid.hpp"
 #include "solid_fe/solid_output.hpp"
 
 #include <cstdint>
 #include <functional>
+#include <string>
 
 namespace undine::solid
 {
@@ -32,7 +34,8 @@ struct RunResult
   double mass_drift = 0.0;      ///< relative
   double energy_drift =
       0.0; ///< largest |balance − balance at the start| over the largest energy or work, at output times
-  bool completed = false; ///< reached its end (not stopped by the progress callback)
+  bool completed = false;  ///< reached its end (not stopped)
+  std::string stop_reason; ///< alone: why it stopped with its state written
 };
 
 /// Step after `dt` when `limit` is stable: falls to the limit at once, stays while it can, and grows by 2 %
@@ -47,7 +50,7 @@ using Progress = std::function<bool(double t, std::int64_t step, double dt)>;
 /// `output` may be null. @throws NumericalError for an inverted element
 template <int dim>
 RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output,
-                    const Progress& progress = {});
+                    const Progress& progress = {}, const Persistence& persistence = {});
 
 /// Serve the coupler until it says goodbye. The set-up is received, the wet surface sent, and then each
 /// window is one pass: report → orders → steps, in each of which the wet nodes go first and travel while the
@@ -56,7 +59,8 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
 /// @throws InputError if the set-up does not fit the solid, NumericalError, link::ProtocolError
 template <int dim>
 RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
-                      SolidOutput<dim>* output, const Progress& progress = {});
+                      SolidOutput<dim>* output, const Progress& progress = {},
+                      const Persistence& persistence = {});
 
 /// The solid's part of summary.json: steps, wall_s, nodes, balances and their definitions.
 template <int dim>

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "common/io/state_archive.hpp"
 #include "solid_fe/beam.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"
@@ -125,6 +126,9 @@ public:
   /// Walls and contact pairs; null if the case has none.
   const Contact<dim>* contact() const { return contact_ ? &*contact_ : nullptr; }
 
+  /// All that a later step depends on; what follows from the configuration is made by the constructor.
+  void for_each_state(StateArchive& archive);
+
   /// F_int at any displacement [N]; for verification and statics, allocates.
   std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
 
@@ -137,6 +141,12 @@ private:
     double reaction; ///< [N] at the last complete instant
     int function;    ///< formula of its velocity, −1: constant
     double v_step;   ///< velocity within the step [m/s]
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("reaction", reaction);
+      archive("v_step", v_step);
+    }
   };
 
   /// The same of a component of a fibre (2: its rotation).
@@ -147,6 +157,12 @@ private:
     double reaction; ///< [N]
     int function;
     double v, v_step; ///< constant velocity, velocity within the step [m/s]
+
+    void for_each_state(StateArchive& archive)
+    {
+      archive("reaction", reaction);
+      archive("v_step", v_step);
+    }
   };
 
   void make_beam(const SolidConfig& config);

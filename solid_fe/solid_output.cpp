@@ -266,6 +266,15 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
 }
 
 template <int dim>
+void SolidOutput<dim>::for_each_state(StateArchive& archive)
+{
+  archive("frames", frames_);
+  for (std::size_t k = 0; k < probes_.size(); ++k)
+    archive("probe_" + std::to_string(k), probes_[k].history);
+  archive("energy", energy_);
+}
+
+template <int dim>
 void SolidOutput<dim>::write_history(const Solid<dim>& solid, const Energies& e)
 {
   for (auto& probe : probes_)

@@ -49,6 +49,7 @@ public:
   void write_frame(const Solid<dim>& solid); ///< displacement, velocity, stress on the current mesh
   /// One row in every history; `e` are the energies of `solid` now.
   void write_history(const Solid<dim>& solid, const Energies& e);
+  void for_each_state(StateArchive& archive);
 
 private:
   struct Probe

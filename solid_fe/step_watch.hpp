@@ -31,6 +31,15 @@ public:
     return limit_;
   }
   std::int64_t looks() const { return looks_; }
+  void for_each_state(StateArchive& archive)
+  {
+    archive("bound", bound_);
+    archive("limit", limit_);
+    archive("wait", wait_);
+    archive("last", last_);
+    archive("next", next_);
+    archive("looks", looks_);
+  }
 
 private:
   void look(const Solid<dim>& solid)

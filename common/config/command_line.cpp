@@ -39,6 +39,8 @@ CommandLine parse_command_line(std::string_view role, int argc, const char* cons
   app.add_option("--set", line.overrides, "table.key=value: replace a value of the case; repeatable")
       ->allow_extra_args(false);
   app.add_option("--until", until, "end at this time [s] instead of run.t_end");
+  app.add_option("--restart", line.restart,
+                 "continue from the newest checkpoint (latest), or from one by name or folder");
   app.add_option("--progress", line.progress,
                  "seconds between progress lines (default: 1 on a terminal, else 30)")
       ->check(CLI::PositiveNumber);

@@ -42,6 +42,22 @@ OutputConfig read_output_config(const CaseFile& file, const std::string& out_dir
   return config;
 }
 
+CheckpointConfig read_checkpoint_config(const CaseFile& file)
+{
+  const CaseTable t =
+      file.table("checkpoint", "When the whole state is written, to continue from it with --restart.");
+  CheckpointConfig config;
+  config.every = t.number({"every", "s", "simulated time between checkpoints; 0: none"}, 0.0, non_negative());
+  config.every_wall =
+      t.number({"every_wall", "s", "wall time between checkpoints; 0: none"}, 0.0, non_negative());
+  config.wall_limit =
+      t.number({"wall_limit", "s",
+                "wall time after which the run writes a checkpoint and ends with code 3; 0: no limit"},
+               0.0, non_negative());
+  config.keep = t.integer({"keep", "", "checkpoints that stay; 0: all"}, 2, at_least(0));
+  return config;
+}
+
 std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
 {
   std::vector<ProbeConfig> probes;

@@ -3,6 +3,7 @@
 
 #include "common/config/case_file.hpp"
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,6 +36,16 @@ struct OutputConfig
   double progress_interval = 30.0; ///< wall time between progress lines [s], from the command line
 };
 
+/// Table [checkpoint].
+struct CheckpointConfig
+{
+  double every = 0.0;      ///< simulated time between checkpoints [s]; 0: none
+  double every_wall = 0.0; ///< wall time between checkpoints [s]; 0: none
+  double wall_limit =
+      0.0; ///< wall time after which the run writes a checkpoint and ends with code 3 [s]; 0: none
+  std::int64_t keep = 2; ///< checkpoints that stay; 0: all
+};
+
 /// An entry of [[probe]]: a history at a point, or the mean over a named surface.
 struct ProbeConfig
 {
@@ -55,6 +66,7 @@ struct ProbeConfig
 /// @throws InputError with place, value and rule
 RunConfig read_run_config(const CaseFile& file);
 OutputConfig read_output_config(const CaseFile& file, const std::string& out_dir);
+CheckpointConfig read_checkpoint_config(const CaseFile& file);
 /// All probes, of both sides. `dim` is the number of coordinates of a point.
 std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim);
 

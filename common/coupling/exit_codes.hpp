@@ -6,6 +6,7 @@ namespace undine::link::code
 {
 
 inline constexpr int internal_error = 1;        ///< the library was called in a way it does not allow
+inline constexpr int bad_case = 2;              ///< the solver cannot do what the run asks
 inline constexpr int bad_input_file = 4;        ///< the coupler rejected the wet surface
 inline constexpr int mpi_start_incomplete = 31; ///< a program on the line never called MPI_Init
 inline constexpr int no_hello = 32;             ///< a rank never spoke

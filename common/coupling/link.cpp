@@ -36,6 +36,7 @@ enum class State
   report,
   mesh_update,
   window_or_bye,
+  checkpoint_done,
   kinematics,
   activation,
   free_velocity,
@@ -49,44 +50,48 @@ enum class State
 struct Turn
 {
   End speaker;
-  std::array<MessageType, 2> types; ///< equal if only one is possible
+  std::array<MessageType, 3> types; ///< the first again in the places that are not needed
 
-  bool allows(MessageType type) const { return type == types[0] || type == types[1]; }
+  bool allows(MessageType type) const { return type == types[0] || type == types[1] || type == types[2]; }
 };
+
+constexpr Turn only(End speaker, MessageType type) { return {speaker, {type, type, type}}; }
 
 constexpr Turn turn(State state)
 {
   switch (state)
   {
   case State::setup:
-    return {End::coupler, {MessageType::setup, MessageType::setup}};
+    return only(End::coupler, MessageType::setup);
   case State::surface:
-    return {End::coupler, {MessageType::surface, MessageType::surface}};
+    return only(End::coupler, MessageType::surface);
   case State::mesh:
-    return {End::participant, {MessageType::mesh, MessageType::mesh}};
+    return only(End::participant, MessageType::mesh);
   case State::mesh_reply:
-    return {End::coupler, {MessageType::mesh_reply, MessageType::mesh_reply}};
+    return only(End::coupler, MessageType::mesh_reply);
   case State::report:
-    return {End::participant, {MessageType::ready, MessageType::ready}};
+    return only(End::participant, MessageType::ready);
   case State::mesh_update:
-    return {End::participant, {MessageType::mesh_update, MessageType::mesh_update}};
+    return only(End::participant, MessageType::mesh_update);
   case State::window_or_bye:
-    return {End::coupler, {MessageType::window, MessageType::bye}};
+    return {End::coupler, {MessageType::window, MessageType::bye, MessageType::checkpoint}};
+  case State::checkpoint_done:
+    return only(End::participant, MessageType::checkpoint_done);
   case State::kinematics:
-    return {End::participant, {MessageType::kinematics, MessageType::kinematics}};
+    return only(End::participant, MessageType::kinematics);
   case State::activation:
-    return {End::coupler, {MessageType::activation_impulse, MessageType::activation_impulse}};
+    return only(End::coupler, MessageType::activation_impulse);
   case State::free_velocity:
-    return {End::participant, {MessageType::free_velocity, MessageType::free_velocity}};
+    return only(End::participant, MessageType::free_velocity);
   case State::link_force:
-    return {End::coupler, {MessageType::link_force, MessageType::link_force}};
+    return only(End::coupler, MessageType::link_force);
   case State::motion:
-    return {End::participant, {MessageType::motion, MessageType::motion}};
+    return only(End::participant, MessageType::motion);
   case State::bye_ack:
   case State::closed:
     break;
   }
-  return {End::participant, {MessageType::bye_ack, MessageType::bye_ack}};
+  return only(End::participant, MessageType::bye_ack);
 }
 
 std::string number_text(double value)
@@ -295,6 +300,12 @@ public:
                : window_.activate ? State::kinematics
                                   : State::free_velocity;
       break;
+    case MessageType::checkpoint:
+      state_ = State::checkpoint_done;
+      break;
+    case MessageType::checkpoint_done:
+      state_ = State::window_or_bye;
+      break;
     case MessageType::kinematics:
       state_ = State::activation;
       break;
@@ -402,8 +413,9 @@ private:
       return "nothing, the conversation is over";
     const Turn now = turn(state_);
     std::string text = name_of(now.types[0]);
-    if (now.types[1] != now.types[0])
-      text += std::string(" or ") + name_of(now.types[1]);
+    for (const MessageType other : {now.types[1], now.types[2]})
+      if (other != now.types[0])
+        text += std::string(" or ") + name_of(other);
     return text + (now.speaker == End::coupler ? " of the coupler (" : " of the participant (") + place() +
            ")";
   }
@@ -578,18 +590,52 @@ void SolverLink::send_mesh_update(const SurfaceMesh& mesh)
   conversation_->send_learning(MessageType::mesh_update, mesh);
 }
 
-std::optional<Window> SolverLink::next_window()
+SolverLink::Order SolverLink::next_order()
 {
-  if (conversation_->receive(MessageType::window) == MessageType::bye)
+  switch (conversation_->receive(MessageType::window))
   {
+  case MessageType::bye:
     wire::read_reason(conversation_->reader());
     conversation_->advance(MessageType::bye);
     conversation_->send(MessageType::bye_ack, [](wire::Writer&) {});
-    return std::nullopt;
+    return {};
+  case MessageType::checkpoint:
+  {
+    CheckpointOrder order = wire::read_checkpoint_order(conversation_->reader());
+    conversation_->advance(MessageType::checkpoint);
+    return order;
+  }
+  default:
+    break;
   }
   const Window window = wire::read_window(conversation_->reader());
   conversation_->accept(MessageType::window, window);
   return window;
+}
+
+std::optional<Window> SolverLink::next_window()
+{
+  for (;;)
+  {
+    const Order order = next_order();
+    if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
+      send_checkpoint_done(write_checkpoint_ ? write_checkpoint_(*checkpoint)
+                                             : CheckpointDone{.reason = "this solver writes no checkpoints"});
+    else if (const auto* window = std::get_if<Window>(&order))
+      return *window;
+    else
+      return std::nullopt;
+  }
+}
+
+void SolverLink::on_checkpoint(std::function<CheckpointDone(const CheckpointOrder&)> write)
+{
+  write_checkpoint_ = std::move(write);
+}
+
+void SolverLink::send_checkpoint_done(const CheckpointDone& done)
+{
+  conversation_->send(MessageType::checkpoint_done, [&](wire::Writer& out) { wire::write(out, done); });
 }
 
 void SolverLink::send_kinematics(const Kinematics& kinematics)
@@ -681,6 +727,19 @@ SurfaceMesh PartnerLink::receive_mesh_update()
 void PartnerLink::send_window(const Window& window)
 {
   conversation_->send_learning(MessageType::window, window);
+}
+
+void PartnerLink::send_checkpoint(const CheckpointOrder& order)
+{
+  conversation_->send(MessageType::checkpoint, [&](wire::Writer& out) { wire::write(out, order); });
+}
+
+CheckpointDone PartnerLink::receive_checkpoint_done()
+{
+  conversation_->receive(MessageType::checkpoint_done);
+  CheckpointDone done = wire::read_checkpoint_done(conversation_->reader());
+  conversation_->advance(MessageType::checkpoint_done);
+  return done;
 }
 
 Kinematics PartnerLink::receive_kinematics()

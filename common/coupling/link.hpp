@@ -10,16 +10,18 @@
 // The conversation (C coupler, P participant):
 //
 //   C SETUP   P MESH   C MESH_REPLY   P READY [P MESH_UPDATE]
-//   repeat    C WINDOW [P KINEMATICS  C ACTIVATION_IMPULSE]
+//   repeat    [C CHECKPOINT  P CHECKPOINT_DONE]
+//             C WINDOW [P KINEMATICS  C ACTIVATION_IMPULSE]
 //             (P FREE_VELOCITY  C LINK_FORCE), `steps` times on the fine side, once on the other
 //             P READY [P MESH_UPDATE]
-//   C BYE     P BYE_ACK
+//   [C CHECKPOINT  P CHECKPOINT_DONE]   C BYE     P BYE_ACK
 //
 // At level A (the coupler's SETUP says scheme "staggered"):
 //
 //   C SETUP   P MESH   C MESH_REPLY   P MOTION  P READY [P MESH_UPDATE]
-//   repeat    C WINDOW  C LINK_FORCE   P MOTION  P READY [P MESH_UPDATE]
-//   C BYE     P BYE_ACK
+//   repeat    [C CHECKPOINT  P CHECKPOINT_DONE]
+//             C WINDOW  C LINK_FORCE   P MOTION  P READY [P MESH_UPDATE]
+//   [C CHECKPOINT  P CHECKPOINT_DONE]   C BYE     P BYE_ACK
 //
 // With scheme "contact+surface" C SURFACE precedes P MESH and P MESH_UPDATE, and a second P READY follows the
 // latter; with both contact schemes every window is one step of both sides and has no KINEMATICS.
@@ -33,6 +35,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <variant>
 
 namespace undine::link
 {
@@ -53,7 +56,14 @@ public:
   void send_mesh(const SurfaceMesh&);
   void send_report(const Report&);
   void send_mesh_update(const SurfaceMesh&); ///< directly after a report with surface_changed
-  std::optional<Window> next_window();       ///< nothing after BYE
+  /// Nothing after BYE. Answers orders for checkpoints by what on_checkpoint was given.
+  std::optional<Window> next_window();
+  /// What writes the state; without it the coupler is told that this solver cannot.
+  void on_checkpoint(std::function<CheckpointDone(const CheckpointOrder&)> write);
+  /// For solvers that take orders one by one instead: nothing after BYE; a CheckpointOrder must be answered.
+  using Order = std::variant<std::monostate, Window, CheckpointOrder>;
+  Order next_order();
+  void send_checkpoint_done(const CheckpointDone&);
   void send_kinematics(const Kinematics&);
   Activation receive_activation();
   void send_free_velocity(std::span<const double> v_free); ///< starts the message and returns; size n × dim
@@ -68,6 +78,7 @@ public:
 private:
   struct Conversation;
   std::unique_ptr<Conversation> conversation_;
+  std::function<CheckpointDone(const CheckpointOrder&)> write_checkpoint_;
 };
 
 /// The coupler's end towards one participant.
@@ -86,6 +97,8 @@ public:
   Report receive_report();
   SurfaceMesh receive_mesh_update();
   void send_window(const Window&);
+  void send_checkpoint(const CheckpointOrder&); ///< between two windows
+  CheckpointDone receive_checkpoint_done();
   Kinematics receive_kinematics();
   void send_activation(const Activation&);
   void receive_free_velocity(std::span<double> v_free);

@@ -25,8 +25,8 @@ enum class MessageType : std::uint16_t
   free_velocity = 6,    ///< P→C  v_free on the wet surface at a synchronised time [m/s]
   link_force = 7,       ///< C→P  nodal link force [N]
   mesh_update = 8,      ///< P→C  replaces MESH when the wet surface changed
-  checkpoint = 9,       ///< reserved
-  checkpoint_done = 10, ///< reserved
+  checkpoint = 9,       ///< C→P  write your state, between two windows
+  checkpoint_done = 10, ///< P→C  written, or the reason why not
   stop_request = 11,    ///< P→C  please end after this window
   bye = 12,             ///< C→P  orderly end
   bye_ack = 13,         ///< P→C
@@ -109,6 +109,25 @@ struct Setup
   /// each MESH and MESH_UPDATE.
   std::string scheme = "gc";
   std::vector<std::string> interfaces;
+  /// Folder of the checkpoint to continue from; empty: the run begins at t_begin.
+  std::string restart;
+};
+
+/// Order to write the state into a folder.
+struct CheckpointOrder
+{
+  std::string folder;       ///< exists; shared by all participants
+  std::string id;           ///< name of the checkpoint
+  std::int64_t windows = 0; ///< so far
+  double t = 0.0;           ///< [s]
+};
+
+/// Answer to a CheckpointOrder.
+struct CheckpointDone
+{
+  bool written = false;
+  std::string reason;             ///< why not
+  std::vector<std::string> files; ///< names in the folder, complete and closed
 };
 
 inline constexpr const char* staggered_scheme = "staggered"; ///< Setup::scheme of a participant at level A

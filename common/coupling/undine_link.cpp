@@ -26,6 +26,8 @@ struct undine_link
   bool has_setup = false;
   undine::link::SurfaceMesh surface;
   bool surface_was_sent = false;
+  bool offers_checkpoints = false;
+  undine::link::CheckpointOrder checkpoint;
   std::string last_error;
 };
 
@@ -227,6 +229,10 @@ extern "C"
                      require(setup != nullptr, "undine_receive_setup: setup is NULL");
                      link->setup = talk.receive_setup();
                      link->has_setup = true;
+                     if (!link->setup.restart.empty() && !link->offers_checkpoints)
+                       throw ProtocolError(code::bad_case, "the run continues from " + link->setup.restart +
+                                                               ", but this solver cannot: it offers no "
+                                                               "checkpoints");
                      *setup = {.dim = link->setup.dim,
                                .n_interfaces = static_cast<int32_t>(link->setup.interfaces.size()),
                                .t_begin = link->setup.t_begin,
@@ -340,27 +346,76 @@ extern "C"
                    });
   }
 
+  int undine_offer_checkpoints(undine_link* link)
+  {
+    return guarded(link,
+                   [&]
+                   {
+                     conversation(link, "undine_offer_checkpoints");
+                     require(!link->has_setup, "undine_offer_checkpoints comes before undine_receive_setup");
+                     link->offers_checkpoints = true;
+                   });
+  }
+
+  const char* undine_restart_folder(const undine_link* link)
+  {
+    return link != nullptr && !link->setup.restart.empty() ? link->setup.restart.c_str() : nullptr;
+  }
+
+  const char* undine_checkpoint_folder(const undine_link* link)
+  {
+    return link != nullptr && !link->checkpoint.folder.empty() ? link->checkpoint.folder.c_str() : nullptr;
+  }
+
+  int undine_checkpoint_done(undine_link* link, const char* file_name, const char* reason)
+  {
+    return guarded(link,
+                   [&]
+                   {
+                     CheckpointDone done{.written = file_name != nullptr};
+                     if (file_name != nullptr)
+                       done.files = {file_name};
+                     else
+                       done.reason = reason != nullptr ? reason : "no reason given";
+                     conversation(link, "undine_checkpoint_done").send_checkpoint_done(done);
+                   });
+  }
+
   int undine_next_window(undine_link* link, undine_window* window)
   {
-    bool ended = false;
-    const int code = guarded(link,
-                             [&]
-                             {
-                               auto& talk = conversation(link, "undine_next_window");
-                               require(window != nullptr, "undine_next_window: window is NULL");
-                               const std::optional<Window> next = talk.next_window();
-                               ended = !next;
-                               if (next)
-                                 *window = {.index = next->index,
-                                            .steps = next->steps,
-                                            .t_begin = next->t_begin,
-                                            .t_end = next->t_end,
-                                            .fine = next->fine,
-                                            .activate = next->activate,
-                                            .output = next->output,
-                                            .last = next->last};
-                             });
-    return code == UNDINE_OK && ended ? UNDINE_END : code;
+    int ended = UNDINE_OK;
+    const int code =
+        guarded(link,
+                [&]
+                {
+                  auto& talk = conversation(link, "undine_next_window");
+                  require(window != nullptr, "undine_next_window: window is NULL");
+                  auto order = talk.next_order();
+                  while (!link->offers_checkpoints && std::holds_alternative<CheckpointOrder>(order))
+                  {
+                    talk.send_checkpoint_done({.reason = "this solver writes no checkpoints"});
+                    order = talk.next_order();
+                  }
+                  if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
+                  {
+                    link->checkpoint = *checkpoint;
+                    ended = UNDINE_CHECKPOINT;
+                    return;
+                  }
+                  const Window* next = std::get_if<Window>(&order);
+                  if (next == nullptr)
+                    ended = UNDINE_END;
+                  else
+                    *window = {.index = next->index,
+                               .steps = next->steps,
+                               .t_begin = next->t_begin,
+                               .t_end = next->t_end,
+                               .fine = next->fine,
+                               .activate = next->activate,
+                               .output = next->output,
+                               .last = next->last};
+                });
+    return code == UNDINE_OK ? ended : code;
   }
 
   int undine_send_kinematics(undine_link* link, const double* v, const double* a_free)

@@ -8,7 +8,7 @@ module undine_link
   implicit none
   public
 
-  integer(c_int), parameter :: undine_ok = 0, undine_end = -1
+  integer(c_int), parameter :: undine_ok = 0, undine_end = -1, undine_checkpoint = -2
   integer(c_int), parameter :: undine_internal_error = 1, undine_numerical_error = 10
 
   type, bind(c) :: undine_setup
@@ -50,6 +50,20 @@ module undine_link
     end function
     integer(c_int) function undine_send_report(link, report) bind(c)
       import; type(c_ptr), value :: link; type(undine_report) :: report
+    end function
+    integer(c_int) function undine_offer_checkpoints(link) bind(c)
+      import; type(c_ptr), value :: link
+    end function
+    !> C strings; c_null_ptr if there is none
+    type(c_ptr) function undine_restart_folder(link) bind(c)
+      import; type(c_ptr), value :: link
+    end function
+    type(c_ptr) function undine_checkpoint_folder(link) bind(c)
+      import; type(c_ptr), value :: link
+    end function
+    !> zero-terminated; file_name = c_null_ptr: not written
+    integer(c_int) function undine_checkpoint_done(link, file_name, reason) bind(c)
+      import; type(c_ptr), value :: link, file_name, reason
     end function
     integer(c_int) function undine_next_window(link, window) bind(c)
       import; type(c_ptr), value :: link; type(undine_window) :: window

@@ -25,7 +25,7 @@
  * Rules of this interface
  * - SI units. Vectors of the wet surface are rows of `dim` doubles, one row per wet node, in the order of
  *   undine_set_nodes.
- * - Every function returns UNDINE_OK (0), UNDINE_END (-1, from undine_next_window only), or an exit code > 0 of
+ * - Every function returns UNDINE_OK (0), UNDINE_END or UNDINE_CHECKPOINT (undine_next_window only), or an exit code > 0 of
  *   docs/protocol.md; undine_last_error() then has the words. No C++ exception leaves the library, and nothing but
  *   undine_abort ends the process.
  * - The functions may be called from one thread at a time, the one that may call MPI.
@@ -52,6 +52,7 @@ extern "C"
 /* Return codes that a solver treats specially; the others are in docs/protocol.md, "Exit codes". */
 #define UNDINE_OK 0
 #define UNDINE_END (-1)          /* orderly end: no further window */
+#define UNDINE_CHECKPOINT (-2)   /* undine_next_window, after undine_offer_checkpoints: write the state */
 #define UNDINE_INTERNAL_ERROR 1  /* wrong use of this interface */
 #define UNDINE_NUMERICAL_ERROR 10 /* for undine_abort: the solution broke down */
 
@@ -157,7 +158,19 @@ int undine_send_surface(undine_link* link);
 /* READY: state at the start and at each window end. */
 int undine_send_report(undine_link* link, const undine_report* report);
 
-/* Waits for WINDOW. @returns UNDINE_END after the coupler's BYE, which it acknowledges */
+/* Optional, before undine_receive_setup: this solver can write its state and continue from it. Without this call the
+ * library answers orders for checkpoints by "cannot", and a restart is refused with code 2. */
+int undine_offer_checkpoints(undine_link* link);
+/* Folder of the checkpoint to continue from, known after undine_receive_setup; NULL: the run begins at t_begin. The
+ * surface, motion and report that follow are those of the restored state. */
+const char* undine_restart_folder(const undine_link* link);
+/* After UNDINE_CHECKPOINT: the folder, which exists. Write the state into a file there (a parallel solver: one file in
+ * all, or a name of its own for each), and answer with its name, or with file_name = NULL and the reason why not. */
+const char* undine_checkpoint_folder(const undine_link* link);
+int undine_checkpoint_done(undine_link* link, const char* file_name, const char* reason);
+
+/* Waits for WINDOW. @returns UNDINE_END after the coupler's BYE, which it acknowledges; UNDINE_CHECKPOINT (only after
+ * undine_offer_checkpoints): answer by undine_checkpoint_done and call again */
 int undine_next_window(undine_link* link, undine_window* window);
 
 /* Start of a window with `activate`: velocity [m/s] and free acceleration M^-1 F without link force [m/s2], both

@@ -27,7 +27,7 @@ from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int, c_int32
 
 import numpy as np
 
-END = -1
+END, CHECKPOINT = -1, -2
 NUMERICAL_ERROR = 10
 
 
@@ -77,6 +77,7 @@ def _load():
         "undine_set_nodes": [h, c_int64, i64, d, d, i32], "undine_set_nodes_with_matrix": [h, c_int64, i64, d, d],
         "undine_add_faces": [h, c_char_p, c_int64, c_int32, i32], "undine_send_surface": [h],
         "undine_send_report": [h, POINTER(Report)], "undine_next_window": [h, POINTER(Window)],
+        "undine_offer_checkpoints": [h], "undine_checkpoint_done": [h, c_char_p, c_char_p],
         "undine_send_kinematics": [h, d, d], "undine_receive_activation": [h, d, d],
         "undine_send_free_velocity": [h, d], "undine_receive_link_force": [h, d], "undine_exchange": [h, d, d],
         "undine_open_force_in": [POINTER(h), c_char_p, c_char_p, c_double, c_double], "undine_send_motion": [h, d, d],
@@ -87,6 +88,8 @@ def _load():
         getattr(lib, function).restype = c_int
     lib.undine_last_error.argtypes, lib.undine_last_error.restype = [h], c_char_p
     lib.undine_interface_name.argtypes, lib.undine_interface_name.restype = [h, c_int32], c_char_p
+    for function in ("undine_restart_folder", "undine_checkpoint_folder"):
+        getattr(lib, function).argtypes, getattr(lib, function).restype = [h], c_char_p
     lib.undine_wait_seconds.argtypes, lib.undine_wait_seconds.restype = [h], c_double
     lib.undine_abort.argtypes, lib.undine_abort.restype = [h, c_int, c_char_p, c_char_p], None
     lib.undine_close.argtypes, lib.undine_close.restype = [h], None
@@ -126,7 +129,7 @@ class Link:
         if code != 0:
             self.abort(code, None)
         self.comm = MPI.Comm.f2py(_lib.undine_comm_f(self._handle))
-        self.setup = None
+        self.setup, self._write = None, None
 
     def __enter__(self):
         return self
@@ -150,6 +153,16 @@ class Link:
         """End all programs; text None: that of the last error."""
         sys.stdout.flush()
         _lib.undine_abort(self._handle, code, None if text is None else text.encode(), self._out_dir.encode())
+
+    def offer_checkpoints(self, write):
+        """Before receive_setup(): `write(folder)` writes the state into a file there and returns its name."""
+        self._write = write
+        _check(_lib.undine_offer_checkpoints(self._handle), self._handle)
+
+    def restart_folder(self):
+        """Folder of the checkpoint to continue from, after receive_setup(); None: the run begins at t_begin."""
+        folder = _lib.undine_restart_folder(self._handle)
+        return None if folder is None else folder.decode()
 
     def receive_setup(self):
         """Wait for SETUP; `setup.interfaces` has the names."""
@@ -193,6 +206,10 @@ class Link:
             code = _lib.undine_next_window(self._handle, byref(window))
             if code == END:
                 return
+            if code == CHECKPOINT:
+                name = self._write(_lib.undine_checkpoint_folder(self._handle).decode())
+                _check(_lib.undine_checkpoint_done(self._handle, name.encode(), None), self._handle)
+                continue
             _check(code, self._handle)
             yield window
 

@@ -350,6 +350,7 @@ void write(Writer& out, const Setup& s)
   out.f64(s.t_end);
   out.string(s.scheme);
   out.strings(s.interfaces);
+  out.string(s.restart);
 }
 
 Setup read_setup(Reader in)
@@ -362,6 +363,7 @@ Setup read_setup(Reader in)
   s.t_end = in.f64("t_end");
   s.scheme = in.string("scheme");
   s.interfaces = in.strings("interfaces");
+  s.restart = in.string("restart");
   in.end();
   return s;
 }
@@ -492,6 +494,42 @@ Window read_window(Reader in)
   if (!(w.t_end > w.t_begin))
     in.reject("t_end", std::to_string(w.t_end), "later than t_begin = " + std::to_string(w.t_begin));
   return w;
+}
+
+void write(Writer& out, const CheckpointOrder& c)
+{
+  out.string(c.folder);
+  out.string(c.id);
+  out.i64(c.windows);
+  out.f64(c.t);
+}
+
+CheckpointOrder read_checkpoint_order(Reader in)
+{
+  CheckpointOrder c;
+  c.folder = in.string("folder");
+  c.id = in.string("id");
+  c.windows = in.i64("windows");
+  c.t = in.f64("t");
+  in.end();
+  return c;
+}
+
+void write(Writer& out, const CheckpointDone& c)
+{
+  out.u8(c.written);
+  out.string(c.reason);
+  out.strings(c.files);
+}
+
+CheckpointDone read_checkpoint_done(Reader in)
+{
+  CheckpointDone c;
+  c.written = in.boolean("written");
+  c.reason = in.string("reason");
+  c.files = in.strings("files");
+  in.end();
+  return c;
 }
 
 void write(Writer& out, const Motion& m)

@@ -182,6 +182,8 @@ void write(Writer&, const Window&);
 void write(Writer&, const Kinematics&);
 void write(Writer&, const Activation&);
 void write(Writer&, const Motion&);
+void write(Writer&, const CheckpointOrder&);
+void write(Writer&, const CheckpointDone&);
 void write(Writer&, const Failed&);
 
 Setup read_setup(Reader);
@@ -192,6 +194,8 @@ Window read_window(Reader);
 Kinematics read_kinematics(Reader, std::size_t size); ///< both vectors must have `size` numbers
 Activation read_activation(Reader, std::size_t size); ///< both vectors must have `size` numbers
 Motion read_motion(Reader, std::size_t size);         ///< both vectors must have `size` numbers
+CheckpointOrder read_checkpoint_order(Reader);
+CheckpointDone read_checkpoint_done(Reader);
 Failed read_failed(Reader);
 std::string read_reason(Reader); ///< STOP_REQUEST and BYE
 

@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
@@ -22,7 +23,7 @@ void make_folder(const std::string& path)
                                                        error ? error.message() : "a file has its name"));
 }
 
-void replace_file(const std::string& path, const std::string& text)
+void replace_file(const std::string& path, const std::string& text, bool to_disk)
 {
   const std::string temporary = path + ".new";
   const auto fail = [&path, &temporary](const char* reason)
@@ -33,8 +34,8 @@ void replace_file(const std::string& path, const std::string& text)
   std::FILE* file = std::fopen(temporary.c_str(), "wb");
   if (file == nullptr)
     fail(std::strerror(errno));
-  const bool written =
-      std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0;
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size() &&
+                       std::fflush(file) == 0 && (!to_disk || fsync(fileno(file)) == 0);
   const int reason = errno;
   if (std::fclose(file) != 0 || !written)
     fail(std::strerror(written ? errno : reason));

@@ -3,6 +3,7 @@
 
 #include "common/error.hpp"
 #include "common/io/folder.hpp"
+#include "common/io/hdf5_handle.hpp"
 
 #include <fmt/format.h>
 #include <hdf5.h>
@@ -17,77 +18,6 @@ namespace undine
 
 namespace
 {
-
-/// Switches HDF5's own printing of errors off for a while; their text goes into our exceptions.
-class QuietErrors
-{
-public:
-  QuietErrors()
-  {
-    H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~QuietErrors() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
-  QuietErrors(const QuietErrors&) = delete;
-  QuietErrors& operator=(const QuietErrors&) = delete;
-
-private:
-  H5E_auto2_t function_ = nullptr;
-  void* data_ = nullptr;
-};
-
-/// The deepest entry of HDF5's error stack, which holds the reason of the operating system.
-std::string hdf5_reason()
-{
-  std::string reason;
-  H5Ewalk2(
-      H5E_DEFAULT, H5E_WALK_UPWARD,
-      [](unsigned depth, const H5E_error2_t* error, void* text) -> herr_t
-      {
-        if (depth == 0 && error->desc != nullptr)
-          *static_cast<std::string*>(text) = error->desc;
-        return 0;
-      },
-      &reason);
-  return reason.empty() ? "HDF5 gives no reason" : reason;
-}
-
-/// An HDF5 handle that closes itself. Closing may fail (a full disk is noticed late): call `close` where that
-/// counts.
-class Handle
-{
-public:
-  using Closer = herr_t (*)(hid_t);
-  Handle(const std::string& path, hid_t id, Closer closer) : path_(path), id_(id), closer_(closer)
-  {
-    if (id_ < 0)
-      fail();
-  }
-  ~Handle()
-  {
-    if (id_ >= 0)
-      closer_(id_);
-  }
-  Handle(Handle&& other) : path_(other.path_), id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-  operator hid_t() const { return id_; }
-
-  void close()
-  {
-    if (closer_(std::exchange(id_, -1)) < 0)
-      fail();
-  }
-
-private:
-  [[noreturn]] void fail() const
-  {
-    throw Failure(ExitCode::output_failed, fmt::format("{}: cannot be written: {}", path_, hdf5_reason()));
-  }
-  const std::string& path_;
-  hid_t id_;
-  Closer closer_;
-};
 
 /// Writes into one open file; every failure carries its path.
 struct Writer
@@ -291,6 +221,11 @@ FrameWriter::FrameWriter(std::string out_dir, std::string name)
   H5dont_atexit(); // files are closed here; HDF5's own tidying at exit stumbles over one that a full disk
                    // kept open
   make_folder(out_dir);
+}
+
+void FrameWriter::start_afresh()
+{
+  entries_.clear();
   write_index(); // first: an old index must not point into the new file
   const QuietErrors quiet;
   const Writer writer{h5_path_};
@@ -301,8 +236,46 @@ FrameWriter::FrameWriter(std::string out_dir, std::string name)
   file.close();
 }
 
+void FrameWriter::for_each_state(StateArchive& archive)
+{
+  archive("entries", entries_);
+  if (archive.reading() && !entries_.empty())
+    keep_first_frames();
+}
+
+/// Unlink the frames that the index does not name. A file that is not there, or that a kill has left
+/// unreadable, is put aside: the frames then begin anew.
+void FrameWriter::keep_first_frames()
+{
+  const QuietErrors quiet;
+  const Writer writer{h5_path_};
+  bool whole = std::filesystem::exists(h5_path_);
+  if (whole)
+    try
+    {
+      const Handle access = writer.access();
+      Handle file(h5_path_, H5Fopen(h5_path_.c_str(), H5F_ACC_RDWR, access), H5Fclose);
+      const auto name = [](std::size_t k) { return fmt::format("frames/{:06}", k); };
+      whole = H5Lexists(file, name(entries_.size() - 1).c_str(), H5P_DEFAULT) > 0;
+      for (std::size_t k = entries_.size(); whole && H5Lexists(file, name(k).c_str(), H5P_DEFAULT) > 0; ++k)
+        writer.check(H5Ldelete(file, name(k).c_str(), H5P_DEFAULT));
+      file.close();
+    }
+    catch (const Failure&)
+    {
+      whole = false;
+    }
+  if (whole)
+    return write_index();
+  std::error_code ignored;
+  std::filesystem::rename(h5_path_, h5_path_ + ".damaged", ignored);
+  start_afresh();
+}
+
 void FrameWriter::write(double t, const FrameMesh& mesh, const std::vector<FrameField>& fields)
 {
+  if (entries_.empty())
+    start_afresh();
   const auto n_nodes = mesh.x.size() / static_cast<std::size_t>(mesh.dim);
   require(mesh.x.size() == n_nodes * static_cast<std::size_t>(mesh.dim),
           "a frame's points have dim components");

@@ -1,6 +1,7 @@
 // Field frames: one HDF5 file per program and an XDMF index that ParaView opens, also while the run goes on.
 #pragma once
 
+#include "common/io/state_archive.hpp"
 #include "common/mesh/mesh.hpp"
 
 #include <cstdint>
@@ -40,15 +41,19 @@ struct FrameMesh
 class FrameWriter
 {
 public:
-  /// Starts both files afresh; creates `out_dir`. @throws Failure(output_failed)
+  /// Creates `out_dir`; the first frame starts both files afresh. @throws Failure(output_failed)
   FrameWriter(std::string out_dir, std::string name);
   /// Append one frame at time `t` [s]. @throws Failure(output_failed) with path and reason (disk full, not
   /// writable)
   void write(double t, const FrameMesh&, const std::vector<FrameField>&);
   /// Frames written so far.
   std::int64_t frames() const;
+  /// The index. After a restart the frames behind the checkpoint are deleted.
+  void for_each_state(StateArchive& archive);
 
 private:
+  void start_afresh();
+  void keep_first_frames();
   void write_index() const;
 
   std::string name_, h5_path_, xdmf_path_, h5_name_;

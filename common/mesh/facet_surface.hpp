@@ -58,6 +58,27 @@ public:
   /// Sort the facets into bins again, after the nodes have moved; within() needs it.
   void sort_bins();
 
+  template <class Archive>
+  void for_each_state(Archive& archive)
+  {
+    archive("x", x_);
+    archive("facets", facets_);
+    archive("rim", rim_);
+    archive("bin_size", bin_size_);
+    std::vector<std::array<long, dim>> bin;
+    std::vector<index_t> in_bin;
+    for (const auto& [place, facet] : bins_)
+    {
+      bin.push_back(place);
+      in_bin.push_back(facet);
+    }
+    archive("bin", bin);
+    archive("in_bin", in_bin);
+    bins_.clear();
+    for (std::size_t k = 0; k < bin.size(); ++k)
+      bins_.emplace_back(bin[k], in_bin[k]);
+  }
+
 private:
   struct Projection
   {

@@ -2,7 +2,9 @@
 #include "common/program/program.hpp"
 
 #include "common/error.hpp"
+#include "common/io/stop_signal.hpp"
 
+#include <fmt/format.h>
 #include <mpi.h>
 #include <unistd.h>
 
@@ -33,6 +35,7 @@ int world_rank()
 /// Ends all programs of the line, or only this one if it is alone.
 int end_with(int code, const std::string& role, const std::string& text, const std::string& out_dir)
 {
+  let_signals_end();
   if (world_size() > 1)
     link::abort_world(code, role, text, out_dir);
   link::report_failure(code, role, text, out_dir);
@@ -60,7 +63,18 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
   return world;
 }
 
-int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body)
+std::string Launch::case_hash() const { return fmt::format("{:016x}", file.hash()); }
+
+std::string Launch::restart_warning() const
+{
+  if (!restart || restart->manifest.case_hash == case_hash())
+    return "";
+  return "the case, or what --set and --until change in it, is not that of the checkpoint: the run goes on, "
+         "but it is no "
+         "longer the same run";
+}
+
+int run_program(const std::string& role, int argc, char** argv, const std::function<ExitCode(Launch&)>& body)
 {
   CommandLine line;
   std::optional<CaseFile> file;
@@ -80,6 +94,7 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
     mistake = std::current_exception();
   }
 
+  watch_stop_signals();
   // The coupler speaks for all; mpirun needs a second to end the others once it has.
   link::arm_start_timer(role, start_limit + (role == "coupler" ? 0.0 : 2.0));
   int provided = 0;
@@ -107,14 +122,18 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
                   .run = run,
                   .output = read_output_config(*file, line.out_dir),
                   .coupling = read_coupling(*file),
-                  .probes = read_probe_configs(*file, run.dim)};
+                  .probes = read_probe_configs(*file, run.dim),
+                  .checkpoint = read_checkpoint_config(*file),
+                  .restart = std::nullopt};
+    if (!line.restart.empty())
+      launch.restart = find_checkpoint(line.out_dir, line.restart);
     launch.output.progress_interval = line.progress > 0.0          ? line.progress
                                       : isatty(STDERR_FILENO) != 0 ? 1.0
                                                                    : 30.0;
-    file->reject_unknown_keys({"run", "output", "probe", "coupling", "interface"});
-    body(launch);
+    file->reject_unknown_keys({"run", "output", "probe", "coupling", "interface", "checkpoint"});
+    const ExitCode code = body(launch);
     MPI_Finalize();
-    return 0;
+    return static_cast<int>(code);
   }
   catch (const InputError& error)
   {

@@ -6,8 +6,11 @@
 #include "common/config/coupling_config.hpp"
 #include "common/config/run_config.hpp"
 #include "common/coupling/bootstrap.hpp"
+#include "common/error.hpp"
+#include "common/io/checkpoint.hpp"
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +27,13 @@ struct Launch
   OutputConfig output;
   CouplingConfig coupling;
   std::vector<ProbeConfig> probes;
+  CheckpointConfig checkpoint;
+  std::optional<Checkpoint> restart; ///< of --restart
+
+  /// Text that identifies the case in manifests.
+  std::string case_hash() const;
+  /// For the log: what is unusual about the restart, or empty.
+  std::string restart_warning() const;
 
   /// Meet the other programs. `partners`: roles that must be there.
   /// @throws link::ProtocolError; InputError if this program has more than one rank
@@ -33,7 +43,9 @@ struct Launch
 /// Start MPI, read the command line and the case's common tables, run `body`, and turn every failure into one
 /// message, FAILED.toml and its exit code; programs of the same mpirun line end together. Reports unknown
 /// keys of the tables all programs share.
+/// SIGUSR1, SIGTERM and SIGINT are remembered (common/io/stop_signal.hpp); `body` ends the run in order and
+/// returns ExitCode::stopped.
 /// @returns the exit code of the process
-int run_program(const std::string& role, int argc, char** argv, const std::function<void(Launch&)>& body);
+int run_program(const std::string& role, int argc, char** argv, const std::function<ExitCode(Launch&)>& body);
 
 } // namespace undine

@@ -1,6 +1,7 @@
 // Circumradius filter, with and without memory.
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 
+#include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
@@ -100,57 +101,84 @@ std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<con
 }
 
 template <int dim>
-ShapeChoice<dim>
-choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
-             const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before, const ShapeRules& rules)
+ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
+                              const std::vector<std::array<int, 3>>& wall_pieces,
+                              const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
+                              std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules)
 {
-  ShapeChoice<dim> choice;
-  choice.elements.reserve(delaunay.size());
-  choice.gained.assign(nodes.x.size(), 0.0);
-  for (const auto& simplex : delaunay)
+  // Simplices of inner nodes stay fluid unless they are huge; for those with a corner on the boundary it
+  // matters whether they were. Most simplices of the convex hull are far larger than anything that can be
+  // fluid.
+  struct Doubtful
   {
-    const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
-    int boundary = 0, wall = 0;
+    std::size_t simplex;
+    std::array<Vec<dim>, dim + 1> corner;
+    double R, h;
+    int boundary;
+  };
+  std::vector<Doubtful> doubtful;
+  std::vector<Vec<dim>> centroids;
+  std::vector<char> is_fluid(delaunay.size(), 0);
+  for (std::size_t s = 0; s < delaunay.size(); ++s)
+  {
+    const auto& simplex = delaunay[s];
+    int boundary = 0;
     for (const index_t n : simplex)
-    {
       boundary += (nodes.flag[static_cast<std::size_t>(n)] & on_boundary) != 0;
-      wall += (nodes.flag[static_cast<std::size_t>(n)] & on_wall) != 0;
-    }
+    const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
     const double R = circumradius<dim>(corner);
-    // Most simplices of the convex hull are far larger than anything that can be fluid and end here, before
-    // the search.
     const double largest =
         std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
     if (!(R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h) ||
         on_one_piece<dim>(simplex, wall_pieces))
       continue;
+    if (boundary == 0 && R <= rules.keep_inner * h)
+    {
+      is_fluid[s] = 1;
+      continue;
+    }
     Vec<dim> centroid{};
     for (const auto& p : corner)
       centroid += (1.0 / (dim + 1)) * p;
-    const bool was_fluid = boundary == 0 || before.contains(centroid);
+    doubtful.push_back({s, corner, R, h, boundary});
+    centroids.push_back(centroid);
+  }
+  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin);
+
+  ShapeChoice<dim> choice;
+  choice.gained.assign(nodes.x.size(), 0.0);
+  for (std::size_t d = 0; d < doubtful.size(); ++d)
+  {
+    const auto& [s, corner, R, h, boundary] = doubtful[d];
+    const auto& simplex = delaunay[s];
+    int wall = 0;
+    for (const index_t n : simplex)
+      wall += (nodes.flag[static_cast<std::size_t>(n)] & on_wall) != 0;
+    const bool was_fluid = boundary == 0 || was_inside[d];
     const bool flat =
         boundary == dim + 1 && wall <= dim && std::abs(quality<dim>(corner)) < rules.sliver_quality;
-
-    bool is_fluid = false;
+    bool fluid = false;
     if (boundary == 0)
-      is_fluid = R <= rules.keep_inner * h;
+      fluid = false; // too large
     else if (was_fluid)
-      is_fluid = R <= (boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : rules.keep) * h;
+      fluid = R <= (boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : rules.keep) * h;
     else if (rules.gap > 0.0)
-      is_fluid = closing_gap<dim>(simplex, nodes, rules.gap * h);
+      fluid = closing_gap<dim>(simplex, nodes, rules.gap * h);
     else
-      is_fluid = R <= rules.create * h;
-    is_fluid = is_fluid && !flat;
-
-    const double V = std::abs(signed_volume<dim, double>(corner));
-    if (is_fluid)
-      choice.elements.push_back(simplex);
-    if (is_fluid == was_fluid)
+      fluid = R <= rules.create * h;
+    fluid = fluid && !flat;
+    is_fluid[s] = fluid;
+    if (fluid == was_fluid)
       continue;
-    (is_fluid ? choice.created : choice.dropped) += V;
+    const double V = std::abs(signed_volume<dim, double>(corner));
+    (fluid ? choice.created : choice.dropped) += V;
     for (const index_t n : simplex)
-      choice.gained[static_cast<std::size_t>(n)] += (is_fluid ? V : -V) / (dim + 1);
+      choice.gained[static_cast<std::size_t>(n)] += (fluid ? V : -V) / (dim + 1);
   }
+  choice.elements.reserve(delaunay.size());
+  for (std::size_t s = 0; s < delaunay.size(); ++s)
+    if (is_fluid[s])
+      choice.elements.push_back(delaunay[s]);
   return choice;
 }
 
@@ -161,10 +189,10 @@ template std::vector<Simplex<2>> alpha_shape<2>(std::span<const Vec<2>>, std::sp
 template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::span<const double>, double,
                                                 const std::vector<Simplex<3>>&);
 template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
-                                        const std::vector<Simplex<2>>&, const OldDomain<2>&,
-                                        const ShapeRules&);
+                                        const std::vector<Simplex<2>>&, std::span<const Vec<2>>,
+                                        std::span<const Simplex<2>>, double, const ShapeRules&);
 template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&,
-                                        const std::vector<Simplex<3>>&, const OldDomain<3>&,
-                                        const ShapeRules&);
+                                        const std::vector<Simplex<3>>&, std::span<const Vec<3>>,
+                                        std::span<const Simplex<3>>, double, const ShapeRules&);
 
 } // namespace undine::fluid

@@ -3,7 +3,6 @@
 
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
-#include "fluid_pfem/remesh/old_domain.hpp"
 
 #include "common/tensor.hpp"
 
@@ -42,15 +41,15 @@ struct ShapeChoice
 };
 
 /// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid
-/// before the remesh.
+/// before the remesh, the elements `old_elements` at the positions `old_x`.
 /// @param flag NodeFlag of each node before the remesh
 /// @param wall_pieces for each node the wall pieces it lies on, −1 where fewer; a simplex on one piece only
 /// is no fluid
 template <int dim>
-ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
-                              const std::vector<std::array<int, 3>>& wall_pieces,
-                              const std::vector<Simplex<dim>>& delaunay, const OldDomain<dim>& before,
-                              const ShapeRules& rules);
+ShapeChoice<dim>
+choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
+             const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
+             std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules);
 
 /// Shape of a simplex, 1 for a regular one, in proportion to its height when flat, negative when inverted:
 /// 4√3 A/Σl² in the plane, 12 (3V)^(2/3)/Σl² in space (mean ratio; Liu & Joe 1994).

@@ -16,4 +16,10 @@ namespace undine::fluid
 std::vector<Simplex<2>> delaunay(std::span<const Vec<2>> x);
 std::vector<Simplex<3>> delaunay(std::span<const Vec<3>> x);
 
+/// Sign of the area of (a, b, c), exact.
+int exact_orientation(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c);
+/// +1 if d lies inside the circle through the positive triangle (a, b, c), else −1; exact, with the tie rule
+/// of `delaunay`: it flips an edge between cocircular points if and only if this is +1.
+int exact_in_circle(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d);
+
 } // namespace undine::fluid

@@ -1,11 +1,10 @@
-// Bin grid over elements.
+// Bin grid over the points that are asked for.
 #include "fluid_pfem/remesh/old_domain.hpp"
 
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace undine::fluid
 {
@@ -34,124 +33,103 @@ void for_each_cell(const std::array<long, dim>& lower, const std::array<long, di
 } // namespace
 
 template <int dim>
-OldDomain<dim>::OldDomain(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements, double bin)
+std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
+                         std::span<const Vec<dim>> queries, double bin)
 {
-  Vec<dim> lower, upper;
+  std::vector<char> found(queries.size(), 0);
+  if (queries.empty())
+    return found;
+  Vec<dim> lower = queries[0], upper = queries[0];
+  for (const auto& p : queries)
+    for (int i = 0; i < dim; ++i)
+    {
+      lower[i] = std::min(lower[i], p[i]);
+      upper[i] = std::max(upper[i], p[i]);
+    }
+  // Not more bins than a few per node, however far a drop has flown.
+  double box = 1.0;
   for (int i = 0; i < dim; ++i)
+    box *= (upper[i] - lower[i]) / bin + 1.0;
+  bin *= std::max(1.0, std::pow(box / (4.0 * static_cast<double>(x.size()) + 64.0), 1.0 / dim));
+  std::array<long, dim> cells;
+  std::size_t total = 1;
+  for (std::size_t i = 0; i < dim; ++i)
   {
-    lower[i] = std::numeric_limits<double>::max();
-    upper[i] = std::numeric_limits<double>::lowest();
+    cells[i] = static_cast<long>((upper.c[i] - lower.c[i]) / bin) + 1;
+    total *= static_cast<std::size_t>(cells[i]);
   }
+  const auto cell_of = [&](const Vec<dim>& p)
+  {
+    std::array<long, dim> cell;
+    for (std::size_t i = 0; i < dim; ++i)
+      cell[i] = static_cast<long>(std::floor((p.c[i] - lower.c[i]) / bin));
+    return cell;
+  };
+  const auto bin_of = [&](const std::array<long, dim>& cell)
+  {
+    std::size_t b = 0;
+    for (std::size_t i = 0; i < dim; ++i)
+      b = b * static_cast<std::size_t>(cells[i]) + static_cast<std::size_t>(cell[i]);
+    return b;
+  };
+  std::vector<index_t> begin(total + 1, 0), in_bin(queries.size());
+  for (const auto& p : queries)
+    ++begin[bin_of(cell_of(p)) + 1];
+  for (std::size_t b = 0; b < total; ++b)
+    begin[b + 1] += begin[b];
+  std::vector<index_t> next(begin.begin(), begin.end() - 1);
+  for (std::size_t q = 0; q < queries.size(); ++q)
+    in_bin[static_cast<std::size_t>(next[bin_of(cell_of(queries[q]))]++)] = static_cast<index_t>(q);
+
   for (const auto& e : elements)
   {
     std::array<Vec<dim>, dim + 1> corner;
     for (std::size_t a = 0; a < corner.size(); ++a)
       corner[a] = x[static_cast<std::size_t>(e[a])];
-    const double V = signed_volume<dim, double>(corner);
-    volume_ += V;
-    if (!(V > 0.0))
-      continue;
-    elements_.push_back(corner);
+    Vec<dim> low = corner[0], high = corner[0];
     for (const auto& p : corner)
       for (int i = 0; i < dim; ++i)
       {
-        lower[i] = std::min(lower[i], p[i]);
-        upper[i] = std::max(upper[i], p[i]);
+        low[i] = std::min(low[i], p[i]);
+        high[i] = std::max(high[i], p[i]);
       }
-  }
-  if (elements_.empty())
-    return;
-
-  // Not more bins than a few per element, however far a drop has flown.
-  double box = 1.0;
-  for (int i = 0; i < dim; ++i)
-    box *= std::max(upper[i] - lower[i], bin) / bin + 1.0;
-  bin_ = bin * std::max(1.0, std::pow(box / (4.0 * static_cast<double>(elements_.size()) + 64.0), 1.0 / dim));
-  origin_ = lower;
-  std::size_t total = 1;
-  for (int i = 0; i < dim; ++i)
-  {
-    cells_[static_cast<std::size_t>(i)] = static_cast<long>((upper[i] - lower[i]) / bin_) + 1;
-    total *= static_cast<std::size_t>(cells_[static_cast<std::size_t>(i)]);
-  }
-  const auto range = [&](const std::array<Vec<dim>, dim + 1>& corner)
-  {
-    std::array<long, dim> first, last;
-    for (int i = 0; i < dim; ++i)
+    std::array<long, dim> first = cell_of(low), last = cell_of(high);
+    bool beside = false;
+    for (std::size_t i = 0; i < dim; ++i)
     {
-      double low = corner[0][i], high = corner[0][i];
-      for (const auto& p : corner)
-      {
-        low = std::min(low, p[i]);
-        high = std::max(high, p[i]);
-      }
-      const auto k = static_cast<std::size_t>(i);
-      first[k] = std::clamp(static_cast<long>((low - origin_[i]) / bin_), 0L, cells_[k] - 1);
-      last[k] = std::clamp(static_cast<long>((high - origin_[i]) / bin_), 0L, cells_[k] - 1);
+      first[i] = std::max(first[i], 0L);
+      last[i] = std::min(last[i], cells[i] - 1);
+      beside = beside || first[i] > last[i];
     }
-    return std::pair{first, last};
-  };
-  begin_.assign(total + 1, 0);
-  for (const auto& corner : elements_)
-  {
-    const auto [first, last] = range(corner);
-    for_each_cell<dim>(first, last, [&](const auto& cell) { ++begin_[bin_of(cell) + 1]; });
-  }
-  for (std::size_t b = 0; b < total; ++b)
-    begin_[b + 1] += begin_[b];
-  in_bin_.resize(static_cast<std::size_t>(begin_.back()));
-  std::vector<index_t> next(begin_.begin(), begin_.end() - 1);
-  for (std::size_t e = 0; e < elements_.size(); ++e)
-  {
-    const auto [first, last] = range(elements_[e]);
+    const double V = signed_volume<dim, double>(corner);
+    if (beside || !(V > 0.0))
+      continue;
+    const double round_off = 1e-10 * V; // a point on the side of two elements lies in at least one
     for_each_cell<dim>(first, last,
-                       [&](const auto& cell) {
-                         in_bin_[static_cast<std::size_t>(next[bin_of(cell)]++)] = static_cast<index_t>(e);
+                       [&](const auto& cell)
+                       {
+                         const std::size_t b = bin_of(cell);
+                         for (index_t k = begin[b]; k < begin[b + 1]; ++k)
+                         {
+                           const auto q = static_cast<std::size_t>(in_bin[static_cast<std::size_t>(k)]);
+                           bool within = !found[q];
+                           for (std::size_t a = 0; a <= dim && within; ++a)
+                           {
+                             auto moved = corner;
+                             moved[a] = queries[q];
+                             within = signed_volume<dim, double>(moved) >= -round_off;
+                           }
+                           if (within)
+                             found[q] = 1;
+                         }
                        });
   }
+  return found;
 }
 
-template <int dim>
-std::size_t OldDomain<dim>::bin_of(const std::array<long, dim>& cell) const
-{
-  std::size_t b = 0;
-  for (std::size_t i = 0; i < dim; ++i)
-    b = b * static_cast<std::size_t>(cells_[i]) + static_cast<std::size_t>(cell[i]);
-  return b;
-}
-
-template <int dim>
-bool OldDomain<dim>::contains(const Vec<dim>& p) const
-{
-  if (elements_.empty())
-    return false;
-  std::array<long, dim> cell;
-  for (int i = 0; i < dim; ++i)
-  {
-    const double s = (p[i] - origin_[i]) / bin_;
-    const auto k = static_cast<std::size_t>(i);
-    if (!(s >= 0.0) || s >= static_cast<double>(cells_[k]))
-      return false;
-    cell[k] = static_cast<long>(s);
-  }
-  const std::size_t b = bin_of(cell);
-  for (index_t k = begin_[b]; k < begin_[b + 1]; ++k)
-  {
-    const auto& corner = elements_[static_cast<std::size_t>(in_bin_[static_cast<std::size_t>(k)])];
-    bool inside = true;
-    for (int a = 0; a <= dim && inside; ++a)
-    {
-      auto moved = corner;
-      moved[static_cast<std::size_t>(a)] = p;
-      inside = signed_volume<dim, double>(moved) >= 0.0;
-    }
-    if (inside)
-      return true;
-  }
-  return false;
-}
-
-template class OldDomain<2>;
-template class OldDomain<3>;
+template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
+                                     std::span<const Vec<2>>, double);
+template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
+                                     std::span<const Vec<3>>, double);
 
 } // namespace undine::fluid

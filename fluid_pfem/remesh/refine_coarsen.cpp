@@ -149,8 +149,10 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
     nodes.M[k] += nodes.M[l];
     nodes.m[k] += nodes.m[l];
+    nodes.V[k] += nodes.V[l];
     nodes.flag[k] = static_cast<std::uint8_t>(nodes.flag[k] | nodes.flag[l]);
     ++report.merged;
+    report.merges.push_back({static_cast<index_t>(k), static_cast<index_t>(l)});
   }
   for (const Edge& edge : far)
   {
@@ -180,7 +182,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.inertia.push_back(M);
     nodes.rho.push_back(mean(nodes.rho[k], nodes.rho[l]));
     nodes.p.push_back(mean(nodes.p[k], nodes.p[l]));
-    nodes.V.push_back(0.0);
+    nodes.V.push_back((nodes.V[k] + nodes.V[l]) / 3.0);
     nodes.h.push_back(mean(nodes.h[k], nodes.h[l]));
     nodes.surface.push_back(shared_surface);
     nodes.id.push_back(next_id++);
@@ -192,8 +194,10 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     {
       nodes.M[parent] *= 2.0 / 3.0;
       nodes.m[parent] *= 2.0 / 3.0;
+      nodes.V[parent] *= 2.0 / 3.0;
     }
     ++report.split;
+    report.splits.push_back({edge.i, edge.j, nodes.size() - 1});
   }
   if (report.merged > 0)
   {
@@ -208,6 +212,10 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     };
     nodes.for_each_field([&](const char*, auto& field) { compress(field); });
     compress(wall_pieces);
+    report.new_number.resize(dead.size());
+    index_t next = 0;
+    for (std::size_t n = 0; n < dead.size(); ++n)
+      report.new_number[n] = dead[n] ? -1 : next++;
   }
   return report;
 }

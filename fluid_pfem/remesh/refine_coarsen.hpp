@@ -21,7 +21,10 @@ struct SpacingRules
 struct SpacingReport
 {
   index_t merged = 0, split = 0;
-  double kinetic_lost = 0.0; ///< by merging velocities [J]
+  double kinetic_lost = 0.0;                  ///< by merging velocities [J]
+  std::vector<std::array<index_t, 2>> merges; ///< kept, gone; in the numbers before the change
+  std::vector<std::array<index_t, 3>> splits; ///< the ends of the edge, the new node; likewise
+  std::vector<index_t> new_number;            ///< −1: gone; empty if numbers stay
 };
 
 /// Change the node set; the mesh is out of date afterwards. A merged node carries the sum of particle masses

@@ -55,7 +55,7 @@ void run_in_memory(fluid::Fluid<dim>& fluid, solid::Solid<dim>& solid, const cou
     link::PartnerLink fluid_partner(std::move(coupler_to_fluid), "fluid"),
         solid_partner(std::move(coupler_to_solid), "solid");
     (config.coupling.has_contact() ? coupler::run_contact : coupler::run_coupler)(
-        config, fluid_partner, solid_partner, after_window);
+        config, fluid_partner, solid_partner, after_window, {}, {});
   }
   catch (...)
   {

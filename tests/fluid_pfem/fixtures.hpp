@@ -2,8 +2,10 @@
 #pragma once
 
 #include "fluid_pfem/fluid.hpp"
+#include "fluid_pfem/momentum.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace undine::test
 {
@@ -20,7 +22,18 @@ fluid::FluidConfig box_config(double h)
   return config;
 }
 
-/// The `hydraulic` preset of the case file.
+/// Acceleration by pressure alone.
+template <int dim>
+void pressure_acceleration(const fluid::FluidMesh<dim>& mesh, fluid::FluidNodes<dim>& nodes)
+{
+  fluid::ElementSums<dim> sums;
+  sums.reset(nodes.size());
+  fluid::record_nodes<dim>(nodes, {}, 0, nodes.size(), sums);
+  fluid::add_element_forces<dim>(mesh, nodes, {}, 1.0, {}, 0.0, 0, mesh.n_elements(), sums);
+  fluid::take_acceleration<dim>(nodes, {}, 0, nodes.size(), sums, {});
+}
+
+/// The `hydraulic` preset of the case file on a plane box.
 inline fluid::FluidConfig hydraulic(double spacing, double sound_speed)
 {
   fluid::FluidConfig config = box_config<2>(spacing);
@@ -40,6 +53,17 @@ inline fluid::WallGeometry tank(double width)
   wall.name = "tank";
   wall.points = {{0.0, 20.0, 0.0}, {0.0, 0.0, 0.0}, {width, 0.0, 0.0}, {width, 20.0, 0.0}};
   return wall;
+}
+
+/// The column of `cases/dam_break`, a × 2a in a tank of 4a, a = 0.146 m.
+inline fluid::FluidConfig dam_break_config(double spacing)
+{
+  const double a = 0.146, g = 9.81;
+  fluid::FluidConfig config = hydraulic(spacing, 10.0 * std::sqrt(g * 2.0 * a));
+  config.size = {a, 2.0 * a, 0.0};
+  config.gravity = {0.0, -g, 0.0};
+  config.contact_walls = {tank(4.0 * a)};
+  return config;
 }
 
 /// Largest x of the nodes in elements.

@@ -11,6 +11,7 @@
 
 using namespace undine;
 using namespace undine::fluid;
+using undine::test::dam_break_config;
 using undine::test::front_of;
 using undine::test::hydraulic;
 using undine::test::tank;
@@ -120,11 +121,7 @@ TEST_CASE("a dam break has the converged front, and its splash keeps mass and vo
           "[fluid][verification]")
 {
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
-  FluidConfig config = hydraulic(a / 16.0, 10.0 * std::sqrt(g * 2.0 * a));
-  config.size = {a, 2.0 * a, 0.0};
-  config.gravity = {0.0, -g, 0.0};
-  config.contact_walls = {tank(4.0 * a)};
-  Fluid<2> fluid(config);
+  Fluid<2> fluid(dam_break_config(a / 16.0));
   const double M = fluid.mass();
   double before_impact = 0.0, largest = 0.0, furthest_out = 0.0;
   Series front;

@@ -101,16 +101,16 @@ TEMPLATE_TEST_CASE_SIG("the pressure force is minus the gradient of the internal
   const auto energy = [&](const FluidNodes<dim>& at)
   {
     FluidNodes<dim> n = at;
-    update_nodal_volumes<dim>(fluid.mesh(), n, 0, n.size());
+    update_nodal_volumes<dim>(fluid.mesh(), n);
     double U = 0.0;
     for (std::size_t i = 0; i < n.x.size(); ++i)
       U += n.m[i] * config.tait.internal_energy(n.m[i] / n.V[i]);
     return U;
   };
   FluidNodes<dim> state = nodes;
-  update_nodal_volumes<dim>(fluid.mesh(), state, 0, state.size());
+  update_nodal_volumes<dim>(fluid.mesh(), state);
   REQUIRE(update_density_and_pressure<dim>(fluid.mesh(), config.tait, 0.0, state, 0, state.size()) == -1);
-  update_acceleration<dim>(fluid.mesh(), state, {}, {}, 0, state.size(), {});
+  undine::test::pressure_acceleration<dim>(fluid.mesh(), state);
   double largest = 0.0;
   for (std::size_t i = 0; i < state.x.size(); ++i)
     largest = std::max(largest, state.m[i] * norm(state.a[i]));
@@ -134,7 +134,7 @@ TEMPLATE_TEST_CASE_SIG("uniform pressure leaves inner nodes alone and acts norma
   FluidNodes<dim> nodes = fluid.nodes();
   const double p = 3.0e4;
   nodes.p.assign(nodes.p.size(), p);
-  update_acceleration<dim>(fluid.mesh(), nodes, {}, {}, 0, nodes.size(), {});
+  undine::test::pressure_acceleration<dim>(fluid.mesh(), nodes);
   Vec<dim> sum{};
   double inner = 0.0;
   for (std::size_t i = 0; i < nodes.x.size(); ++i)

@@ -2,6 +2,7 @@
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
+#include "fluid_pfem/remesh/moving_delaunay.hpp"
 #include "fluid_pfem/simplex.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 
@@ -93,6 +94,117 @@ TEMPLATE_TEST_CASE_SIG("Delaunay simplices are positive and fill the hull", "[fl
     volume += V;
   }
   CHECK(volume == Approx(std::pow(side, dim)).epsilon(1e-12));
+}
+
+// The repaired triangulation is the one CGAL makes of the same points: all triangles that the far square
+// cannot touch, as sets of nodes. A vortex shears the points by up to 0.1 h between two triangulations, some
+// of them stand on a straight wall, three are random drops; lattice rows keep cocircular points throughout.
+TEST_CASE("flips give the triangulation that CGAL gives, in 2000 states of moving points", "[fluid][unit]")
+{
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  std::int64_t repairs = 0, rebuilds = 0, flips = 0, states = 0;
+  for (const bool lattice : {true, false})
+    for (const double speed : {0.02, 0.1})
+    {
+      constexpr int n = 16;
+      std::vector<Vec<2>> x;
+      for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i)
+        {
+          const double s = lattice || i == 0 || j == 0 ? 0.0 : 0.2;
+          x.push_back({{i + s * u(random), j + s * u(random)}});
+        }
+      for (int k = 0; k < 3; ++k)
+        x.push_back({{8.0 + 12.0 * u(random), 30.0 + 5.0 * u(random)}});
+      MovingDelaunay<2> moving;
+      const int steps = 500;
+      for (int step = 0; step < steps; ++step, ++states)
+      {
+        moving.update(x);
+        const auto small = [&](const std::vector<Simplex<2>>& all)
+        {
+          std::vector<Simplex<2>> kept;
+          for (auto s : all)
+          {
+            std::sort(s.begin(), s.end());
+            std::array<Vec<2>, 3> corner;
+            for (std::size_t a = 0; a < 3; ++a)
+              corner[a] = x[static_cast<std::size_t>(s[a])];
+            if (circumradius<2>(corner) < 30.0)
+              kept.push_back(s);
+          }
+          std::sort(kept.begin(), kept.end());
+          return kept;
+        };
+        REQUIRE((small(moving.simplices()) == small(delaunay(x))));
+        // still for a while, so that cocircular points are met again; nodes of the left column stay on the
+        // wall
+        if (step % 4 == 3)
+          continue;
+        for (auto& p : x)
+        {
+          const Vec<2> r{{(p[0] - 7.5) / 7.5, (p[1] - 7.5) / 7.5}};
+          const double decay = std::exp(-norm_squared(r));
+          if (p[0] != 0.0)
+            p[0] -= speed * decay * r[1] * 4.0;
+          p[1] += speed * (decay * r[0] * 4.0 - (p[1] > 20.0 ? 0.3 : 0.0));
+        }
+      }
+      repairs += moving.count().repairs;
+      rebuilds += moving.count().rebuilds;
+      flips += moving.count().flips;
+    }
+  CAPTURE(states, repairs, rebuilds, flips);
+  CHECK(states == 2000);
+  CHECK(rebuilds < states / 10);
+  CHECK(flips > 2000);
+}
+
+// Merging, splitting and removing points ends in the same triangulation as well.
+TEST_CASE("points may come and go between two triangulations", "[fluid][unit]")
+{
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> u(0.0, 12.0);
+  std::vector<Vec<2>> x;
+  for (int k = 0; k < 150; ++k)
+    x.push_back({{u(random), u(random)}});
+  MovingDelaunay<2> moving;
+  moving.update(x);
+  for (int change = 0; change < 200; ++change)
+  {
+    const auto s = moving.simplices()[random() % moving.simplices().size()];
+    const auto i = static_cast<std::size_t>(s[0]), j = static_cast<std::size_t>(s[1]);
+    if (change % 3 == 0)
+    {
+      moving.split(s[0], s[1], static_cast<index_t>(x.size()));
+      x.push_back(0.5 * (x[i] + x[j]));
+    }
+    else
+    {
+      if (change % 3 == 1)
+      {
+        moving.merge(s[0], s[1]);
+        x[i] = 0.5 * (x[i] + x[j]);
+      }
+      else
+        moving.remove(s[1]);
+      std::vector<index_t> number(x.size());
+      for (std::size_t n = 0; n < x.size(); ++n)
+        number[n] = static_cast<index_t>(n) - (n > j);
+      number[j] = -1;
+      moving.renumber(number);
+      x.erase(x.begin() + s[1]);
+    }
+    moving.update(x);
+    std::vector<index_t> identity(x.size());
+    std::iota(identity.begin(), identity.end(), 0);
+    const auto small = [&](const std::vector<Simplex<2>>& all)
+    { return as_sets<2>(alpha_shape<2>(x, std::vector<double>(x.size(), 1.0), 20.0, all), identity); };
+    REQUIRE((small(moving.simplices()) == small(delaunay(x))));
+  }
+  CAPTURE(moving.count().rebuilds, moving.count().flips);
+  CHECK(moving.count().rebuilds < 20);
 }
 
 // Two unit squares of points five apart: plain Delaunay bridges the gap, the alpha shape does not. R of a

@@ -23,6 +23,8 @@ def command(client, build, out):
         "plate_fortran": ([], [build / "bin" / "plate_fortran", "case.toml", "--out", out], 0),
         "plate_python": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate.py", "case.toml", "--out", out], 0),
         "plate_force": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate_force.py", "case.toml", "--out", out], 0),
+        # its nodes do not move alone: the two rules that compare the answer to a nodal force with the node's mass
+        "rigid_body": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "rigid_body.py", "case.toml", "--out", out], 2),
         "getfem": ([], ["/usr/bin/python3", getfem / "getfem_solid.py", getfem / "case.toml", "--out", out], 0),
         "solid_fe": (["--stall", "3"],
                      [build / "bin" / "solid_fe", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),
@@ -53,8 +55,8 @@ def main():
         done = subprocess.run(line, env=dict(os.environ, PYTHONPATH=str(build / "lib")), stdout=subprocess.PIPE, text=True)
     print(done.stdout)
     broken = re.search(r"(\d+) rules kept, (\d+) broken", done.stdout)
-    if not broken or int(broken[2]) != must_break or int(broken[1]) < 36 or done.returncode != (1 if must_break else 0):
-        print(f"error: expected {must_break} broken rules and at least 36 kept ones")
+    if not broken or int(broken[2]) != must_break or int(broken[1]) < 35 or done.returncode != (1 if must_break else 0):
+        print(f"error: expected {must_break} broken rules and at least 35 kept ones")
         return 1
     return 0
 

@@ -48,7 +48,7 @@ def messages():
             + array("i", [0, 2, 4]) + array("i", [0, 1, 1, 2]) + array("i", [0, 1]))
     vector = struct.pack("<6d", 0.0, -1.0, 2.5, 1e-300, 1e300, -0.0)
     return {
-        "setup": message(1, struct.pack("<idd", 2, 0.5, 1.5) + string("gc") + strings(["gate", "bed"])),
+        "setup": message(1, struct.pack("<idd", 2, 0.5, 1.5) + string("gc") + strings(["gate", "bed"]) + string("")),
         "mesh": message(2, mesh),
         "mesh_reply": message(3, struct.pack("<B", 0) + string("gap of 2 mm")),
         "ready": message(4, struct.pack("<9dqB", 1e-4, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1)),
@@ -56,6 +56,8 @@ def messages():
         "free_velocity": message(6, vector),
         "link_force": message(7, vector),
         "mesh_update": message(8, mesh),
+        "checkpoint": message(9, string("out/checkpoints/000007") + string("000007") + struct.pack("<qd", 41, 0.25)),
+        "checkpoint_done": message(10, struct.pack("<B", 0) + string("disk full") + strings(["solid.h5"])),
         "stop_request": message(11, string("SIGTERM")),
         "bye": message(12, string("")),
         "bye_ack": message(13, b""),

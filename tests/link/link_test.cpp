@@ -166,7 +166,7 @@ std::vector<SolverState> solver_states()
   };
   return {{"SETUP", [](SolverLink&, Puppet&) {}, [](SolverLink& link) { link.receive_setup(); }},
           {"MESH_REPLY", to_reply, [](SolverLink& link) { link.send_mesh(small_mesh()); }},
-          {"WINDOW or BYE", to_window, [](SolverLink& link) { link.next_window(); }},
+          {"WINDOW or BYE or CHECKPOINT", to_window, [](SolverLink& link) { link.next_window(); }},
           {"ACTIVATION_IMPULSE", to_activation, [](SolverLink& link) { link.receive_activation(); }},
           {"LINK_FORCE", to_force,
            [](SolverLink& link)
@@ -206,6 +206,14 @@ TEST_CASE("a whole conversation: what one end sends is what the other receives",
           link.send_report(quiet_report());
           std::vector<double> v = values;
           std::vector<double> f(v.size());
+          int written = 0;
+          link.on_checkpoint(
+              [&](const CheckpointOrder& order)
+              {
+                if (order.windows != 10 * written++ || order.folder != "folder")
+                  trouble = "checkpoint";
+                return CheckpointDone{.written = true, .reason = "", .files = {"solid.h5"}};
+              });
           for (int k = 0; const auto w = link.next_window(); ++k)
           {
             if (w->index != k || w->last != (k + 1 == windows))
@@ -260,6 +268,11 @@ TEST_CASE("a whole conversation: what one end sends is what the other receives",
                    .fine = k % 3 != 0,
                    .activate = k % 10 == 0,
                    .last = k + 1 == windows};
+    if (k % 10 == 0)
+    {
+      link.send_checkpoint({.folder = "folder", .id = "7", .windows = k, .t = w.t_begin});
+      CHECK(link.receive_checkpoint_done().files == std::vector<std::string>{"solid.h5"});
+    }
     link.send_window(w);
     if (w.activate)
     {

@@ -60,6 +60,14 @@ inline std::vector<double> vector() { return {0.0, -1.0, 2.5, 1e-300, 1e300, -0.
 inline Kinematics kinematics() { return {.v = {1.0, 2.0}, .a_free = {3.0, 4.0}}; }
 inline Activation activation() { return {.impulse = {5.0, 6.0}, .link_force = {7.0, 8.0}}; }
 inline Motion motion() { return {.x = {0.5, 0.25}, .v = {3.0, 4.0}}; }
+inline CheckpointOrder checkpoint_order()
+{
+  return {.folder = "out/checkpoints/000007", .id = "000007", .windows = 41, .t = 0.25};
+}
+inline CheckpointDone checkpoint_done()
+{
+  return {.written = false, .reason = "disk full", .files = {"solid.h5"}};
+}
 inline wire::Failed failed() { return {.code = 10, .text = "element 17 is inverted"}; }
 
 /// A sealed message with whatever `fill(Writer&)` writes.

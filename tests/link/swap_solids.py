@@ -80,6 +80,11 @@ def force(build, folder):
     expect_comparisons(summary, "plate that takes forces")
     heavy, _ = run(build, "swap_plate", folder / "light", *staggered, *program(20), "--until", "0.01")
     expect(float(np.max(np.abs(heavy["u_y[m]"]))), 3e-5, "added mass ratio 0.81: bounded by twice the static displacement")
+    rigid, summary = run(build, "swap_plate", folder / "rigid", *staggered, "--set", 'solid.program=["python3","rigid_body.py"]')
+    expect_comparisons(summary, "rigid body that takes forces")
+    # Symmetric but for the fluid's mesh: what it pitches moves its ends by less than the error of the displacement allowed above.
+    ends = 0.05 * float(np.max(np.abs(rigid["angle[rad]"]))) / float(np.max(np.abs(rigid["u_y[m]"])))
+    expect(ends, 0.02, "rigid body: pitch of the symmetric problem, at its ends over its heave")
     for options, code, words in ((staggered + program(13), 2, "1.25 times the solid's"),
                                  (program(1000), 2, 'write coupling.scheme = "staggered"'),
                                  (staggered, 2, 'write coupling.scheme = "gc"')):

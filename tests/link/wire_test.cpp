@@ -57,6 +57,8 @@ std::vector<std::pair<const char*, std::function<void(std::span<const std::byte>
           {"window", [=](auto bytes) { wire::read_window(reader(bytes)); }},
           {"kinematics", [=](auto bytes) { wire::read_kinematics(reader(bytes), 2); }},
           {"activation", [=](auto bytes) { wire::read_activation(reader(bytes), 2); }},
+          {"checkpoint", [=](auto bytes) { wire::read_checkpoint_order(reader(bytes)); }},
+          {"checkpoint_done", [=](auto bytes) { wire::read_checkpoint_done(reader(bytes)); }},
           {"fail", [=](auto bytes) { wire::read_failed(reader(bytes)); }},
           {"reason", [=](auto bytes) { wire::read_reason(reader(bytes)); }},
           {"motion", [=](auto bytes) { wire::read_motion(reader(bytes), 2); }}};
@@ -66,9 +68,17 @@ std::vector<Bytes> payloads()
 {
   Bytes reason;
   wire::Writer(reason).string("SIGTERM");
-  return {payload_of(setup()),      payload_of(mesh()),   payload_of(mesh_reply()),
-          payload_of(report()),     payload_of(window()), payload_of(kinematics()),
-          payload_of(activation()), payload_of(failed()), reason,
+  return {payload_of(setup()),
+          payload_of(mesh()),
+          payload_of(mesh_reply()),
+          payload_of(report()),
+          payload_of(window()),
+          payload_of(kinematics()),
+          payload_of(activation()),
+          payload_of(checkpoint_order()),
+          payload_of(checkpoint_done()),
+          payload_of(failed()),
+          reason,
           payload_of(motion())};
 }
 
@@ -116,6 +126,9 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   CHECK(hex(vector_message(free_velocity)) == golden::free_velocity);
   CHECK(hex(vector_message(link_force)) == golden::link_force);
   CHECK(hex(message_of(header(mesh_update), samples::mesh())) == golden::mesh_update);
+  CHECK(hex(message_of(header(checkpoint), checkpoint_order())) == golden::checkpoint);
+  CHECK(hex(message_of(header(MessageType::checkpoint_done), samples::checkpoint_done())) ==
+        golden::checkpoint_done);
   CHECK(hex(reason_message(stop_request, "SIGTERM")) == golden::stop_request);
   CHECK(hex(reason_message(bye, "")) == golden::bye);
   CHECK(hex(empty_message(bye_ack)) == golden::bye_ack);
@@ -169,9 +182,11 @@ TEST_CASE("what is written is what is read", "[link][unit]")
   CHECK(payload_of(wire::read_window(reader(sent[4]))) == sent[4]);
   CHECK(payload_of(wire::read_kinematics(reader(sent[5]), 2)) == sent[5]);
   CHECK(payload_of(wire::read_activation(reader(sent[6]), 2)) == sent[6]);
-  CHECK(payload_of(wire::read_failed(reader(sent[7]))) == sent[7]);
-  CHECK(wire::read_reason(reader(sent[8])) == "SIGTERM");
-  CHECK(payload_of(wire::read_motion(reader(sent[9]), 2)) == sent[9]);
+  CHECK(payload_of(wire::read_checkpoint_order(reader(sent[7]))) == sent[7]);
+  CHECK(payload_of(wire::read_checkpoint_done(reader(sent[8]))) == sent[8]);
+  CHECK(payload_of(wire::read_failed(reader(sent[9]))) == sent[9]);
+  CHECK(wire::read_reason(reader(sent[10])) == "SIGTERM");
+  CHECK(payload_of(wire::read_motion(reader(sent[11]), 2)) == sent[11]);
 }
 
 TEST_CASE("a header comes back as it was sealed", "[link][unit]")

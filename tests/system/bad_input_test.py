@@ -129,6 +129,16 @@ class Check(programs.SystemTest):
             self.assertIn(part, result.stdout)
         self.assertFalse(self.out.exists())
 
+    def test_a_foreign_solid_is_met_and_its_surface_looked_at(self):
+        result = self.check("swap_plate")
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        self.assertRegex(result.stdout, r"solid: python3 plate.py, a program of its own: .* keep (\d+) of \1 rules")
+        self.assertIn("would run: mpirun", result.stdout)
+
+    def test_a_foreign_solid_without_the_interface_is_found(self):
+        result = self.check("swap_plate", "--set", 'interface.0.name="other"')
+        self.assertEqual(result.returncode, 20, result.stdout + result.stderr)
+
     def test_what_three_programs_find_is_said_once(self):
         result = self.check(self.variant(("resolution = 40", "rezolution = 40")))
         self.assertEqual(result.returncode, 2)

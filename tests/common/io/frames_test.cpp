@@ -213,13 +213,49 @@ TEST_CASE("the mesh may change from frame to frame, down to loose nodes", "[comm
     CHECK(index.find(expected) != std::string::npos);
 }
 
-TEST_CASE("a new writer starts both files afresh", "[common][unit]")
+TEST_CASE("the first frame of a new writer starts both files afresh", "[common][unit]")
 {
   const TemporaryFolder folder;
-  FrameWriter(folder.path, "fluid").write(0.0, square_mesh(), {});
-  const FrameWriter again(folder.path, "fluid");
+  FrameWriter first(folder.path, "fluid");
+  for (const double t : {0.0, 0.5, 1.0})
+    first.write(t, square_mesh(), {});
+  FrameWriter again(folder.path, "fluid");
   CHECK(again.frames() == 0);
-  CHECK(check_index_against_file(folder, "fluid") == 0);
+  again.write(0.0, square_mesh(), {});
+  CHECK(check_index_against_file(folder, "fluid") == 2); // points and cells
+}
+
+TEST_CASE("a writer that continues from a checkpoint keeps the frames before it and no others",
+          "[common][unit]")
+{
+  const TemporaryFolder folder;
+  const std::string state = folder / "state.h5";
+  {
+    FrameWriter writer(folder.path, "fluid");
+    writer.write(0.0, square_mesh(), {});
+    writer.write(0.5, square_mesh(), {});
+    StateArchive archive;
+    archive("frames", writer);
+    archive.save(state);
+    writer.write(1.0, square_mesh(), {});
+    writer.write(1.5, square_mesh(), {});
+  }
+  const auto continued = [&]
+  {
+    FrameWriter writer(folder.path, "fluid");
+    StateArchive archive(state);
+    archive("frames", writer);
+    return writer;
+  };
+  CHECK(continued().frames() == 2);
+  CHECK(check_index_against_file(folder, "fluid") == 2 * 2);
+  FrameWriter writer = continued();
+  writer.write(1.0, square_mesh(), {});
+  CHECK(check_index_against_file(folder, "fluid") == 3 * 2);
+
+  std::filesystem::resize_file(folder / "fluid.h5", 100); // what no kill should leave, but a disk may
+  CHECK(continued().frames() == 0);
+  CHECK(std::filesystem::exists(folder / "fluid.h5.damaged"));
 }
 
 TEST_CASE("frames are appended while a reader holds the file open", "[common][unit]")

@@ -52,7 +52,7 @@ TEST_CASE("a full disk under a history fails with path and reason", "[common][un
   const TemporaryFolder folder;
   make_folder(folder / "history");
   std::filesystem::create_symlink("/dev/full", folder / "history/tip.csv");
-  CHECK(output_failure([&] { History(folder.path, "tip", "x", {"u_x[m]"}); }) ==
+  CHECK(output_failure([&] { History(folder.path, "tip", "x", {"u_x[m]"}).write(0.0, {1.0}); }) ==
         (folder / "history/tip.csv") + ": cannot be written: No space left on device");
 }
 

@@ -138,9 +138,11 @@ void feed(std::uint8_t which, std::span<const std::byte> bytes)
   case 5:
     return round_trip(bytes, wire::read_window);
   case 6:
+    return round_trip(bytes, wire::read_checkpoint_order);
   case 7:
     return round_trip(bytes, [](wire::Reader in) { return wire::read_kinematics(std::move(in), 2); });
   case 8:
+    return round_trip(bytes, wire::read_checkpoint_done);
   case 9:
     return round_trip(bytes, [](wire::Reader in) { return wire::read_activation(std::move(in), 2); });
   case 10:

@@ -76,6 +76,7 @@ Input conversation()
   lists[0] = lists[8 + 6 * sizeof(double)] = 6;
   add(1, body(golden::setup));
   add(3, reply);
+  add(9, body(golden::checkpoint));
   add(5, window);
   add(17, lists);
   add(7, vector);
@@ -93,8 +94,10 @@ std::vector<Input> seeds()
           payload(3, mesh_reply),
           payload(4, ready),
           payload(5, window),
-          payload(6, kinematics),
-          payload(8, activation_impulse),
+          payload(6, checkpoint),
+          payload(7, kinematics),
+          payload(8, checkpoint_done),
+          payload(9, activation_impulse),
           payload(10, fail),
           payload(11, bye),
           payload(11, stop_request),
