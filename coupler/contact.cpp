@@ -105,7 +105,7 @@ void UnilateralContact<dim>::find_candidates(double travel)
 
 /// Faces of the fluid that lie on one smooth side of the solid, and their mortar projection.
 template <int dim>
-void UnilateralContact<dim>::find_faces(double travel)
+void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<double>, 2>& v)
 {
   constexpr double touching = 0.02, sliding = 0.02; // of a facet
   for (std::size_t f = 0; f < faces_.size(); ++f)
@@ -124,7 +124,23 @@ void UnilateralContact<dim>::find_faces(double travel)
     }
     active_[f] = on;
   }
-  slid_ += travel;
+  double fastest = 0.0; // squared, of the sliding of active nodes
+  for (std::size_t f = 0; f < faces_.size(); ++f)
+    if (active_[f])
+      for (const int k : faces_[f])
+      {
+        const Near& near = near_[static_cast<std::size_t>(k)];
+        const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
+        Vec<dim> w;
+        for (int i = 0; i < dim; ++i)
+        {
+          w[i] = v[Side::fluid][static_cast<std::size_t>(k * dim + i)];
+          for (std::size_t c = 0; c < dim; ++c)
+            w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c] * dim + i)];
+        }
+        fastest = std::max(fastest, norm_squared(w));
+      }
+  slid_ += dt * std::sqrt(fastest);
   if (active_ == active_built_ && slid_ < sliding * 0.5 * reach_)
     return;
   active_built_ = active_;
@@ -193,7 +209,7 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
         std::span<const index_t>(candidates_.data() + candidate_offset_[k],
                                  static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
   }
-  find_faces(travel_of_step_);
+  find_faces(dt, v);
 
   std::vector<Vec<dim>>& normal = normal_;
   normal.assign(x_.size(), {});
@@ -291,8 +307,8 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
       fastest[s] = std::max(fastest[s], square);
     }
   }
-  travel_of_step_ = dt * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
-  find_candidates(travel_of_step_);
+  const double travel = dt * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
+  find_candidates(travel);
   report_.rows = report_.touching = report_.sweeps = 0;
   report_.residual_gap = 0.0;
   rows_.clear();

@@ -87,7 +87,7 @@ private:
   using Near = typename FacetSurface<dim>::Near;
   void find_candidates(double travel);
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
-  void find_faces(double travel);
+  void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight);
   void solve(double dt);
   static std::vector<Vec<dim>> as_points(std::span<const double> values);

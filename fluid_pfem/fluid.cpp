@@ -440,6 +440,18 @@ template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::triangulation()
 {
   std::vector<Simplex<dim>> simplices = delaunay(nodes_.x);
+  constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
+  if (contact_.has_convex())
+    std::erase_if(simplices,
+                  [&](const Simplex<dim>& e)
+                  {
+                    const auto outer = std::count_if(
+                        e.begin(), e.end(),
+                        [&](index_t n) { return nodes_.flag[static_cast<std::size_t>(n)] & on_boundary; });
+                    return outer >= 2 &&
+                           contact_.blocks(corners(nodes_, e),
+                                           around_corner * nodes_.h[static_cast<std::size_t>(e[0])]);
+                  });
   if (!solid_.empty())
     std::erase_if(simplices, [&](const Simplex<dim>& e)
                   { return solid_.blocks(corners(nodes_, e), nodes_.h[static_cast<std::size_t>(e[0])]); });
@@ -468,6 +480,7 @@ void Fluid<dim>::remesh()
   const SpacingReport spacing = refine_and_coarsen<dim>(
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
       config_.remesh.spacing, next_id_);
+  contact_.settle(nodes_.x);
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace undine::fluid
@@ -78,9 +79,11 @@ std::vector<std::array<Vec<3>, 3>> box_triangles(const Vec<3>& lower, const Vec<
 }
 
 /// Reach past the ends and edges that pieces share: far past concave ones, a rounding past flat ones.
+/// @returns there is a convex one
 template <int dim>
-void join(std::span<WallPiece<dim>> pieces, double spacing)
+bool join(std::vector<WallPiece<dim>>& pieces, const std::function<bool(int, int)>& together, double spacing)
 {
+  bool convex = false;
   for (auto& piece : pieces)
     piece.reach.fill(-1e-9 * spacing); // a node on the neighbour's side of a convex edge is not on this piece
   const auto has = [](const WallPiece<dim>& piece, const Vec<dim>& x)
@@ -89,16 +92,19 @@ void join(std::span<WallPiece<dim>> pieces, double spacing)
     for (std::size_t k = 0; k < dim; ++k)
       for (const auto& q : pieces)
       {
-        if (&p == &q || !has(q, p.corner[k]) || (dim == 3 && !has(q, p.corner[(k + 1) % dim])))
+        if (&p == &q || p.plane || q.plane || !together(p.wall, q.wall) || !has(q, p.corner[k]) ||
+            (dim == 3 && !has(q, p.corner[(k + 1) % dim])))
           continue;
         const auto other = *std::find_if(
             q.corner.begin(), q.corner.end(),
             [&](const auto& x) { return x != p.corner[k] && (dim == 2 || x != p.corner[(k + 1) % dim]); });
         const double rise = p.distance(other);
+        convex = convex || rise < -1e-9 * spacing;
         p.reach[k] = rise > 1e-9 * spacing    ? 4.0 * spacing
                      : rise > -1e-9 * spacing ? 1e-9 * spacing
                                               : p.reach[k];
       }
+  return convex;
 }
 
 } // namespace
@@ -136,7 +142,6 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
   for (std::size_t w = 0; w < geometry.size(); ++w)
   {
     const WallGeometry& g = geometry[w];
-    const std::size_t first = reference_.size();
     const auto add = [&](const std::array<Vec<dim>, dim>& corner)
     { reference_.push_back({.corner = corner, .n = normal_of<dim>(corner), .wall = static_cast<int>(w)}); };
     if (g.plane)
@@ -163,17 +168,22 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
     {
       if (!g.box)
         throw InputError("wall '" + g.name + "': in 3-D a wall is a plane (point, normal) or a box");
+      std::size_t triangle = 0;
       for (auto corner : box_triangles(leading<3>(g.points[0]), leading<3>(g.points[1])))
       {
         if (g.fluid_inside)
           std::swap(corner[1], corner[2]);
         add(corner);
-        reference_.back().face =
-            static_cast<int>(reference_.size() - 1 - (reference_.size() - 1 - first) % 2);
+        reference_.back().face = static_cast<int>(reference_.size() - 1 - triangle++ % 2);
       }
     }
-    join<dim>({reference_.data() + first, reference_.size() - first}, spacing);
   }
+  const auto together = [&](int v, int w)
+  {
+    return v == w || !(geometry[static_cast<std::size_t>(v)].motion.moves() ||
+                       geometry[static_cast<std::size_t>(w)].motion.moves());
+  };
+  has_convex_ = join<dim>(reference_, together, spacing);
   impulse_.assign(geometry.size(), {});
   pieces_ = before_ = reference_;
   move_to(t);
@@ -246,25 +256,31 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
     for (int round = 0; round < 12; ++round)
     {
       const Vec<dim> x_end = x[n] + dt * v[n];
-      double least = std::numeric_limits<double>::lowest();
+      double least = std::numeric_limits<double>::lowest(), target = 0.0;
       std::size_t k = 0;
       for (std::size_t c = begin; c < end; ++c)
       {
         const auto piece = static_cast<std::size_t>(candidates_[c].piece);
-        const double d = pieces_[piece].distance(x_end);
-        if (d >= -1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
-            before_[piece].distance(x[n]) < -0.25 * spacing_)
+        const double d = pieces_[piece].distance(x_end), d_begin = before_[piece].distance(x[n]);
+        const double allowed = std::min(0.0, d_begin);
+        if (d >= allowed - 1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
+            d_begin < -0.25 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
         least = d;
+        target = allowed;
         k = piece;
       }
       if (least == std::numeric_limits<double>::lowest())
         break;
       const WallPiece<dim>& wall = pieces_[k];
-      Vec<dim> dv = (-least / dt) * wall.n;
+      // A node that is behind already (merged or split around a corner) gets no deeper; settle() takes it
+      // out. A velocity that takes it out would be energy from nowhere.
+      Vec<dim> dv = ((target - least) / dt) * wall.n;
       if (geometry_[static_cast<std::size_t>(wall.wall)].no_slip)
-        dv = velocity_of(k, x[n], dt) + (wall.distance(x[n] + dt * velocity_of(k, x[n], dt)) / -dt) * wall.n -
-             v[n];
+      {
+        const Vec<dim> v_wall = velocity_of(k, x[n], dt);
+        dv = v_wall + ((target - wall.distance(x[n] + dt * v_wall)) / dt) * wall.n - v[n];
+      }
       // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
       // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
       // has just kicked it.
@@ -274,10 +290,106 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
       a[n] += (1.0 / dt_mean) * dv;
       if (end - begin == 1)
         break;
+      if (round == 11) // a corner too acute for rounds: it stays where it is on the wall
+        v[n] = velocity_of(k, x[n], dt);
     }
     begin = end;
   }
   return work;
+}
+
+template <int dim>
+void Walls<dim>::settle(std::span<Vec<dim>> x) const
+{
+  if (!has_convex_)
+    return;
+  for (Vec<dim>& p : x)
+    for (int round = 0; round < 3; ++round)
+    {
+      double least = std::numeric_limits<double>::lowest();
+      const WallPiece<dim>* nearest = nullptr;
+      for (const auto& piece : pieces_)
+      {
+        const double d = piece.distance(p);
+        const WallGeometry& g = geometry_[static_cast<std::size_t>(piece.wall)];
+        const bool near = g.closed || g.box || d > -0.3 * spacing_; // of an open wall: or on its other side
+        if (d < -1e-12 * spacing_ && d > least && near && piece.overhang(p, true) <= 0.0 &&
+            is_solid(piece.wall, p))
+        {
+          least = d;
+          nearest = &piece;
+        }
+      }
+      if (!nearest)
+        break;
+      p -= least * nearest->n;
+    }
+}
+
+template <int dim>
+bool Walls<dim>::blocks(const std::array<Vec<dim>, dim + 1>& x, double depth) const
+{
+  const auto inside = [&](const Vec<dim>& p)
+  {
+    return std::any_of(pieces_.begin(), pieces_.end(),
+                       [&](const WallPiece<dim>& piece)
+                       {
+                         const bool encloses = geometry_[static_cast<std::size_t>(piece.wall)].closed ||
+                                               geometry_[static_cast<std::size_t>(piece.wall)].box;
+                         const double d = piece.distance(p);
+                         return d < -depth && (encloses || d > -3.0 * depth) &&
+                                piece.overhang(p, true) <= 0.0 && is_solid(piece.wall, p) &&
+                                (!encloses || depth_in(piece.wall, p) > depth);
+                       });
+  };
+  Vec<dim> centroid{};
+  for (const auto& p : x)
+    centroid += (1.0 / (dim + 1)) * p;
+  if (inside(centroid))
+    return true;
+  for (std::size_t a = 0; a <= dim; ++a)
+    for (std::size_t b = a + 1; b <= dim; ++b)
+      if (inside(0.5 * (x[a] + x[b])))
+        return true;
+  return false;
+}
+
+/// Distance to the nearest piece of a wall.
+template <int dim>
+double Walls<dim>::depth_in(int wall, const Vec<dim>& x) const
+{
+  double shortest = std::numeric_limits<double>::max();
+  for (const auto& piece : pieces_)
+    if (piece.wall == wall)
+      shortest = std::min(shortest, piece.gap(x));
+  return shortest;
+}
+
+/// x is on the solid side of a closed wall; true for walls that enclose nothing.
+template <int dim>
+bool Walls<dim>::is_solid(int wall, const Vec<dim>& x) const
+{
+  const WallGeometry& g = geometry_[static_cast<std::size_t>(wall)];
+  if (!g.closed && !g.box)
+    return true;
+  bool inside = false, before_all = true;
+  double area = 0.0;
+  for (const auto& piece : pieces_)
+  {
+    if (piece.wall != wall)
+      continue;
+    before_all = before_all && piece.distance(x) <= 0.0; // of a box seen from outside
+    if constexpr (dim == 2)
+    {
+      const Vec<2>&a = piece.corner[0], &b = piece.corner[1];
+      area += a[0] * b[1] - a[1] * b[0];
+      if ((a[1] > x[1]) != (b[1] > x[1]) && x[0] < a[0] + (x[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+        inside = !inside;
+    }
+  }
+  if (dim == 3)
+    return g.fluid_inside || before_all;
+  return area > 0.0 ? !inside : inside;
 }
 
 /// Mean velocity over the last move of the point of piece k's wall that was at x.

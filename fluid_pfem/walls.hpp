@@ -107,6 +107,15 @@ public:
     return moved_ > margin_;
   }
 
+  /// Move points that are in a wall with a convex corner (an open wall: by less than a third of a spacing)
+  /// onto it: what merging and splitting do to nodes there.
+  void settle(std::span<Vec<dim>> x) const;
+
+  /// There is a corner that the fluid can be around.
+  bool has_convex() const { return has_convex_; }
+  /// The centroid or the middle of an edge of the simplex is deeper than `depth` [m] in a wall.
+  bool blocks(const std::array<Vec<dim>, dim + 1>& x, double depth) const;
+
   /// Pieces (flat faces in 3-D) on which x lies within `tolerance`, at most three.
   std::array<int, 3> pieces_at(const Vec<dim>& x, double tolerance) const;
 
@@ -115,6 +124,8 @@ public:
   void reset_impulse();
 
 private:
+  double depth_in(int wall, const Vec<dim>& x) const;
+  bool is_solid(int wall, const Vec<dim>& x) const;
   Vec<dim> velocity_of(std::size_t k, const Vec<dim>& x, double dt) const;
 
   struct Candidate
@@ -126,6 +137,7 @@ private:
   std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
   std::vector<Candidate> candidates_;
   std::vector<Vec<dim>> impulse_;
+  bool has_convex_ = false;
   double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0;
 };
 

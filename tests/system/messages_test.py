@@ -147,9 +147,9 @@ def check(entry):
         path = prepare(Path(name), case, changes)
         try:
             done = subprocess.run([sys.executable, "-B", ROOT / "scripts" / "run_case.py", path, "--build", BUILD, "--check", "--out", Path(name) / "out", *options],
-                                  capture_output=True, text=True, env=ENVIRONMENT, timeout=20)
+                                  capture_output=True, text=True, env=ENVIRONMENT, timeout=60)
         except subprocess.TimeoutExpired:
-            return None, "no answer in 20 s"
+            return None, "no answer in 60 s"
         return done.returncode, (done.stderr + done.stdout).replace(f"{name}/", "")
 
 

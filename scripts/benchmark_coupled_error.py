@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""Error against run time of coupled cases: four cases on three or four meshes each, and the column with other step ratios.
+
+    scripts/benchmark coupled_error
+
+Truths: the converged curve of the column, d'Alembert for the pulse, and where no truth exists the value that the own meshes converge to
+(Richardson extrapolation of the last three). Run time is the time both solvers compute, without waiting for each other, so that it does not
+depend on who else uses the machine's cores. Writes docs/benchmarks/coupled_error.md and .png.
+"""
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+from lib import compare  # noqa: E402
+
+
+def run(case, out, *options):
+    command = ["/usr/bin/python3", str(ROOT / "scripts" / "run_case.py"), str(ROOT / "cases" / case), "--out", str(out), "--no-plots",
+               "--set", "output.frames=false", *options]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stdout + done.stderr)
+    summary = json.loads((out / "summary.json").read_text())
+    cost = summary["coupler"]["fluid_compute_s"] + summary["coupler"]["solid_compute_s"]
+    return summary, cost
+
+
+def error_of(summary, name):
+    return next(c["error"] for c in summary["comparisons"] if c["name"] == name)
+
+
+def largest(out, history, column):
+    return float(np.max(compare.read_csv(out / "history" / f"{history}.csv")[column]))
+
+
+def extrapolated(values):
+    """Limit of the last three of a sequence on meshes halved each time."""
+    a, b, c = values[-3:]
+    ratio = (a - b) / (b - c)
+    return c + (c - b) / (ratio - 1.0) if ratio > 1.0 else c
+
+
+def main():
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.parse_args()
+    tables = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        rows = []
+        for resolution in (10, 20, 40, 80):
+            summary, cost = run("elastic_column", folder / "c", "--set", f"run.resolution={resolution}", "--set", "solid.law=linear")
+            rows.append((str(resolution), error_of(summary, "interface displacement"), cost, summary["windows"], summary["substeps"]))
+        tables["elastic column: L2 of the interface displacement, linear solid, exact modal solution"] = rows
+        rows = []
+        for substeps in (30, 60, 95, 150, 300):
+            summary, cost = run("elastic_column", folder / "c", "--set", "run.resolution=20", "--set", "solid.law=linear", "--set",
+                                f"coupling.substeps={substeps}")
+            rows.append((f"20, m = {substeps}", error_of(summary, "interface displacement"), cost, summary["windows"], summary["substeps"]))
+        tables["elastic column on one mesh, other step ratios m"] = rows
+        rows = []
+        for resolution in (50, 100, 200, 400):
+            summary, cost = run("acoustic_interface", folder / "a", "--set", f"run.resolution={resolution}")
+            rows.append((str(resolution), error_of(summary, "incident and reflected pulse"), cost, summary["windows"], summary["substeps"]))
+        tables["pulse on aluminium: L2 of the pressure, d'Alembert"] = rows
+        for case, history, column, resolutions, options, text in (
+                ("elastic_gate", "tip", "u_x[m]", (10, 20, 40, 80), ("--until", "0.13"), "elastic gate: peak of u_x against its own limit"),
+                ("wedge_impact", "B", "u_y[m]", (30, 60, 120, 240), (), "wedge: w_B(2.2 ms) against its own limit")):
+            runs = []
+            for resolution in resolutions:
+                summary, cost = run(case, folder / "v", "--set", f"run.resolution={resolution}", *options)
+                runs.append((str(resolution), largest(folder / "v", history, column), cost, summary["windows"], summary["substeps"]))
+            limit = extrapolated([r[1] for r in runs])
+            tables[f"{text}, {limit:.5g} m"] = [(r[0], abs(r[1] / limit - 1.0), *r[2:]) for r in runs]
+
+    lines = ["# Error against run time, coupled", "",
+             "`scripts/benchmark coupled_error`. Run time: seconds in which fluid and solid compute, waiting left out; one run each, on a shared machine.", ""]
+    figure, axes = plt.subplots(figsize=(7, 5), constrained_layout=True)
+    for (text, rows), marker in zip(tables.items(), "os^vD"):
+        lines += [f"**{text}**", "", "| resolution | relative error | computing [s] | windows | fine steps per window |", "| --- | --- | --- | --- | --- |"]
+        lines += [f"| {n} | {e:.2e} | {c:.2g} | {w} | {m} |" for n, e, c, w, m in rows] + [""]
+        axes.loglog([r[2] for r in rows], [r[1] for r in rows], marker + "-", label=text.split(":")[0].split(",")[0])
+    axes.set_xlabel("computing [s]")
+    axes.set_ylabel("relative error")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    target = ROOT / "docs" / "benchmarks"
+    figure.savefig(target / "coupled_error.png", dpi=90)
+    lines += ["![error against run time](coupled_error.png)", ""]
+    (target / "coupled_error.md").write_text("\n".join(lines))
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()

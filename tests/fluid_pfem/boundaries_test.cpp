@@ -1,0 +1,192 @@
+// Boundaries of the fluid: impedance, inlets and outlets, no-slip, corners, viscosity between walls.
+#include "fluid_pfem/fluid.hpp"
+#include "fluid_pfem/run.hpp"
+#include "tests/fluid_pfem/fixtures.hpp"
+
+#include <catch2/catch.hpp>
+
+#include <cmath>
+
+using namespace undine;
+using namespace undine::fluid;
+using undine::test::hydraulic;
+using undine::test::tank;
+
+// A pulse of velocity falls apart into two waves that run to both ends. Truth: an end of the fluid's own
+// impedance takes in all of a normal wave; a rigid end gives all of it back. Left over is what central
+// differences disperse: less than 2 % of the amplitude, 4e-4 of the energy, at sixteen nodes per width of the
+// pulse.
+TEST_CASE("waves leave through an impedance boundary", "[fluid][verification]")
+{
+  const auto energy_left = [](WallKind ends)
+  {
+    FluidConfig config = undine::test::box_config<2>(0.01);
+    config.size = {1.0, 0.06, 0.0};
+    config.walls = {{"bottom"}, {"top"}, {"left", ends}, {"right", ends}};
+    for (const char* v : {"0.1*exp(-((x-0.5)/0.08)^2)", "0"})
+      config.initial_velocity.emplace_back(v, "test");
+    Fluid<2> fluid(config);
+    const double before = fluid.energy().kinetic, c = config.tait.sound_speed(1000.0);
+    run_alone<2>(fluid, {.t_end = 1.0 / c}, 0.0, [](double, const Fluid<2>&, bool) {});
+    const FluidEnergy e = fluid.energy();
+    CHECK(e.kinetic + e.internal - e.openings ==
+          Approx(before).epsilon(2e-3)); // what is gone is in the ledger
+    return (e.kinetic + e.internal) / before;
+  };
+  const double open = energy_left(WallKind::impedance), closed = energy_left(WallKind::slip);
+  CAPTURE(open, closed);
+  CHECK(open < 4e-4);
+  CHECK(closed == Approx(1.0).epsilon(2e-3));
+}
+
+// Truth: ρ U d t enters to within one row; everything is accounted for to round-off; a free stream stays
+// uniform.
+TEST_CASE("an inlet lets in what it should, an outlet takes it out", "[fluid][unit]")
+{
+  FluidConfig config = hydraulic(0.02, 20.0);
+  config.shape = Shape::none;
+  config.inlets.push_back({.name = "inlet", .a = {0.0, 0.2, 0.0}, .b = {0.0, 0.0, 0.0}, .speed = {}});
+  config.inlets[0].speed.emplace_back("2.0", "test");
+  config.outlets.push_back({.lower = {0.5, -1.0, 0.0}, .upper = {2.0, 2.0, 0.0}});
+  Fluid<2> fluid(config);
+  const double mass = fluid.mass();
+  run_alone<2>(fluid, {.t_end = 0.6}, 0.0, [](double, const Fluid<2>&, bool) {});
+  const FluidMass m = fluid.mass_by_state();
+  const double row = 1000.0 * 0.2 * 0.02;
+  CAPTURE(m.inflow, m.outflow, m.meshed, mass);
+  CHECK(m.inflow == Approx(1000.0 * 0.2 * 2.0 * 0.6).margin(row));
+  CHECK(m.outflow > 0.0);
+  CHECK(std::abs(fluid.mass() - mass) < 1e-11 * m.inflow);
+  CHECK(m.meshed == Approx(1000.0 * 0.2 * (0.5 + 0.06)).margin(3.0 * row));
+  double uneven = 0.0; // c δρ/ρ with what remeshes do to densities, δρ/ρ below 1e-4
+  for (const auto& v : fluid.nodes().v)
+    uneven = std::max(uneven, norm(v - Vec<2>{{2.0, 0.0}}));
+  CHECK(uneven < 2e-3);
+}
+
+// Truth: the momentum of a plane jet, ρ U² d, and the pressure of its stagnation point, ½ ρ U².
+TEST_CASE("a jet pushes a wall with its momentum", "[fluid][verification]")
+{
+  const double U = 2.0, d = 0.1;
+  FluidConfig config = hydraulic(d / 8.0, 40.0);
+  config.shape = Shape::none;
+  config.inlets.push_back({.name = "nozzle", .a = {0.05, 0.25, 0.0}, .b = {-0.05, 0.25, 0.0}, .speed = {}});
+  config.inlets[0].speed.emplace_back("2.0", "test");
+  config.outlets = {{{-9.0, -1.0, 0.0}, {-0.3, 2.0, 0.0}}, {{0.3, -1.0, 0.0}, {9.0, 2.0, 0.0}}};
+  WallGeometry plate;
+  plate.name = "plate";
+  plate.plane = true;
+  plate.points = {{0.0, 0.0, 0.0}};
+  plate.normal = {0.0, 1.0, 0.0};
+  config.contact_walls = {plate};
+  Fluid<2> fluid(config);
+  double impulse = 0.0;
+  run_alone<2>(fluid, {.t_end = 0.6}, 0.0,
+               [&](double t, const Fluid<2>& f, bool)
+               {
+                 if (t <= 0.4)
+                   impulse = f.walls().impulse()[0][1];
+               });
+  const double force = -(fluid.walls().impulse()[0][1] - impulse) / 0.2;
+  CAPTURE(force);
+  CHECK(force == Approx(1000.0 * U * U * d).epsilon(0.03)); // 0.8 % at 16 nodes over the jet
+}
+
+// Truth: the kinetic energy of Taylor's vortices between free-slip walls falls as exp(−4 ν k² t), Re = U/(k
+// ν) = 6. The Mach number U/c = 1/30 and the start without pressure put a floor of O(M²) = 1e-3 under the
+// error.
+TEST_CASE("viscous vortices decay at the rate of theory", "[fluid][verification]")
+{
+  const auto error = [](int n)
+  {
+    FluidConfig config = hydraulic(1.0 / n, 30.0);
+    config.terms.mu = 50.0;
+    config.terms.bulk_linear = 0.02;
+    config.walls = {{"left"}, {"right"}, {"bottom"}, {"top"}};
+    for (const char* v : {"sin(3.14159265358979*x)*cos(3.14159265358979*y)",
+                          "-cos(3.14159265358979*x)*sin(3.14159265358979*y)"})
+      config.initial_velocity.emplace_back(v, "test");
+    Fluid<2> fluid(config);
+    run_alone<2>(fluid, {.t_end = 0.4}, 0.0, [](double, const Fluid<2>&, bool) {});
+    const double pi = std::acos(-1.0), exact = 1000.0 * 0.25 * std::exp(-4.0 * 0.05 * pi * pi * 0.4);
+    return fluid.energy().kinetic / exact - 1.0;
+  };
+  const double coarse = error(8), middle = error(16), fine = error(32);
+  CAPTURE(coarse, middle, fine);
+  CHECK(std::abs(fine) < 2e-3); // the floor and as much again
+  CHECK(std::abs(fine) < std::abs(middle));
+  CHECK(std::abs(middle) < std::abs(coarse));
+  CHECK(std::abs(coarse) < 0.01);
+}
+
+// A node pressed onto a moving no-slip wall goes with it; one that is not pressed does not.
+TEST_CASE("a no-slip wall takes the node along that touches it", "[fluid][unit]")
+{
+  WallGeometry floor;
+  floor.name = "floor";
+  floor.points = {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}};
+  floor.no_slip = true;
+  for (const char* d : {"0.5*t", "0"})
+    floor.motion.displacement.emplace_back(d, "test");
+  Walls<2> walls({floor}, 0.1, 0.0);
+  std::vector<Vec<2>> x{{{0.5, 0.0}}, {{0.6, 0.02}}}, v{{{3.0, -1.0}}, {{3.0, -1.0}}}, a(2);
+  const std::vector<double> m{1.0, 1.0};
+  walls.find_candidates(x, 0.2);
+  walls.move_to(0.01);
+  walls.contact(0.01, x, v, m, a, 0.01);
+  CHECK(v[0][0] == Approx(0.5).epsilon(1e-12));
+  CHECK(v[0][1] == Approx(0.0).margin(1e-12));
+  CHECK((v[1] == Vec<2>{{3.0, -1.0}}));
+}
+
+// Convex corners: a node on one face is not drawn to the other; a concave corner between two walls of
+// different names holds.
+TEST_CASE("nodes pass convex corners and stop in corners that two walls make", "[fluid][unit]")
+{
+  WallGeometry obstacle;
+  obstacle.name = "obstacle";
+  obstacle.closed = true;
+  obstacle.points = {{0.4, 0.0, 0.0}, {0.4, 0.2, 0.0}, {0.6, 0.2, 0.0}, {0.6, 0.0, 0.0}}; // clockwise
+  WallGeometry floor;
+  floor.name = "floor";
+  floor.points = {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}};
+  WallGeometry end;
+  end.name = "end";
+  end.points = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}};
+  Walls<2> walls({obstacle, floor, end}, 0.1, 0.0);
+  std::vector<Vec<2>> x{{{0.59, 0.2}}, {{0.99, 0.01}}, {{0.61, 0.21}}},
+      v{{{0.5, -1.0}}, {{5.0, -5.0}}, {{-0.5, -1.5}}}, a(3);
+  const std::vector<double> m{1.0, 1.0, 1.0};
+  walls.find_candidates(x, 0.2);
+  walls.contact(0.01, x, v, m, a, 0.01);
+  CHECK(v[0][0] == 0.5); // slides on the top, one hundredth of a metre from the corner
+  CHECK(v[0][1] == Approx(0.0).margin(1e-12));
+  CHECK(x[1][0] + 0.01 * v[1][0] == Approx(1.0));
+  CHECK(x[1][1] + 0.01 * v[1][1] == Approx(0.0).margin(1e-12));
+  const Vec<2> end_2 = x[2] + 0.01 * v[2];
+  CHECK((end_2[0] >= 0.6 - 1e-12 || end_2[1] >= 0.2 - 1e-12));
+}
+
+TEST_CASE("nodes stay in a box in space and out of one", "[fluid][unit]")
+{
+  WallGeometry tank, block;
+  tank.name = "tank";
+  tank.box = true;
+  tank.points = {{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}};
+  block = tank;
+  block.name = "block";
+  block.points = {{0.4, 0.0, 0.4}, {0.6, 0.3, 0.6}};
+  block.fluid_inside = false;
+  Walls<3> walls({tank, block}, 0.1, 0.0);
+  std::vector<Vec<3>> x{{{0.01, 0.01, 0.01}}, {{0.5, 0.305, 0.5}}, {{0.395, 0.1, 0.5}}, {{0.98, 0.5, 0.3}}},
+      v{{{-5.0, -5.0, -5.0}}, {{1.0, -2.0, 0.5}}, {{3.0, 0.2, 0.0}}, {{4.0, 1.0, 0.0}}}, a(4);
+  const std::vector<double> m(4, 1.0);
+  walls.find_candidates(x, 0.2);
+  walls.contact(0.01, x, v, m, a, 0.01);
+  for (int i = 0; i < 3; ++i)
+    CHECK(x[0][i] + 0.01 * v[0][i] == Approx(0.0).margin(1e-12));
+  CHECK(x[1][1] + 0.01 * v[1][1] == Approx(0.3));
+  CHECK(v[1][0] == 1.0);
+  CHECK(x[2][0] + 0.01 * v[2][0] == Approx(0.4));
+  CHECK(x[3][0] + 0.01 * v[3][0] == Approx(1.0));
+}
