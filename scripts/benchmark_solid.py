@@ -119,7 +119,7 @@ def errors(repeats):
                     print(lines[-1], flush=True)
                     x.append(seconds)
                     y.append(error)
-                axis.loglog(x, y, marker="osv^D<>P"[list(KINDS).index(kind)], label=kind, linewidth=1.2, markersize=5)
+                axis.loglog(x, y, marker="osv^D<>P"[list(KINDS).index(kind)], color=f"C{list(KINDS).index(kind)}", label=kind, linewidth=1.2, markersize=5)
             lines.append("")
             axis.set(title=problem, xlabel="computing time [s]", ylabel="relative error")
             axis.grid(True, which="both", alpha=0.25)
