@@ -40,14 +40,6 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
         beam->n_elements(), beam->n_nodes(), 100.0 * beam->added_inertia());
   text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());
   text += fmt::format("  mass       {:.9g} kg\n", solid.mass());
-  for (std::size_t b = 0; b < solid.added_mass().size(); ++b)
-  {
-    const auto& name = std::visit([](const auto& block) -> const std::string& { return block.body; },
-                                  solid.bodies()[b].block);
-    text += fmt::format("  added mass {:.6g} kg, {:.3g} % of all{}\n", solid.added_mass()[b],
-                        100.0 * solid.added_mass()[b] / solid.mass(),
-                        name.empty() ? "" : ", in \"" + name + "\"");
-  }
   Vec<dim> low = solid.nodes().X.front(), high = low;
   for (const auto& X : solid.nodes().X)
     for (int i = 0; i < dim; ++i)

@@ -418,11 +418,6 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
                     std::vector<double>(n, 0.0), any_number());
   config.step_safety =
       solid.number({"step_safety", "", "fraction of the stable step that is used"}, 0.9, between(0.01, 1.0));
-  config.mass_scaling_step = solid.number({"mass_scaling_step", "s",
-                                           "mass is added to the elements that need it until the stable "
-                                           "step, safety not included, reaches this; 0: none. "
-                                           "The added mass is told per body; gravity pulls at it"},
-                                          0.0, non_negative());
   read_supports_and_loads(solid, dim, config);
   read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)

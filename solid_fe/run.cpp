@@ -263,10 +263,6 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
   summary.set("smallest_step", result.smallest_step);
   summary.set("mass", solid.mass());
   summary.set("mass_drift", result.mass_drift);
-  double added = 0.0;
-  for (const double a : solid.added_mass())
-    added += a;
-  summary.set("added_mass", added);
   summary.set("energy_drift", result.energy_drift);
   summary.set("energy_drift_definition",
               std::string("largest |balance - start| over the largest energy or "

@@ -4,7 +4,6 @@
 #include "common/error.hpp"
 #include "solid_fe/critical_time_step.hpp"
 #include "solid_fe/frequency_bounds.hpp"
-#include "solid_fe/mass_scaling.hpp"
 #include "solid_fe/strip.hpp"
 
 #include <fmt/format.h>
@@ -71,15 +70,6 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     nodes_.m[k] = config.material.density * nodal_volume[k];
     for (int i = 0; i < dim; ++i)
       nodes_.inverse_mass[k][i] = is_beam ? 0.0 : 1.0 / nodes_.m[k]; // ends of fibres move with these only
-  }
-  if (config.mass_scaling_step > 0.0)
-  {
-    if (is_beam)
-      throw InputError("solid.mass_scaling_step: beams have their rotations scaled already; remove it");
-    added_mass_ = scale_masses<dim>(bodies_, config.mass_scaling_step, nodes_.m);
-    for (std::size_t k = 0; k < n; ++k)
-      for (int i = 0; i < dim; ++i)
-        nodes_.inverse_mass[k][i] = 1.0 / nodes_.m[k];
   }
   bound_frequencies<dim>(bodies_, nodes_.m);
   for (const auto& [node, prescribed] : motion)
@@ -379,7 +369,7 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
   add_contact_force(dt);
   move_free(dt, 0, reference_.n_wet);
   solve_beam(dt);
-  finish_driven(dt);
+  finish_driven(dt, Part::interface);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
 }
 
@@ -392,10 +382,10 @@ double Solid<dim>::formula_of(const DrivenComponent& driven, double t) const
 
 /// The support also works on the node's own mass.
 template <int dim>
-void Solid<dim>::finish_driven(double dt)
+void Solid<dim>::finish_driven(double dt, Part part)
 {
   for (auto& driven : driven_)
-    if (driven.function >= 0)
+    if (driven.function >= 0 && (driven.node < f_link_.size()) == (part == Part::interface))
     {
       double &v = nodes_.v[driven.node][driven.component], value = formula_of(driven, time());
       if (driven.accelerates)
@@ -408,6 +398,8 @@ void Solid<dim>::finish_driven(double dt)
       driven_work_ += 0.5 * nodes_.m[driven.node] * (v * v - driven.v_end * driven.v_end);
       driven.v_end = v;
     }
+  if (part == Part::interior)
+    return;
   for (auto& driven : driven_fibres_)
   {
     const double v = beam_->v()[driven.fibre][driven.component];
@@ -427,6 +419,7 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
   count_works(dt);
   if (!beam_)
     move_free(dt, reference_.n_wet, nodes_.size());
+  finish_driven(dt, Part::interior);
   solve_rigid_bodies(dt);
 
   for (auto& driven : driven_)

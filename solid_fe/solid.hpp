@@ -100,8 +100,6 @@ public:
   double critical_time_step() const;
   Energies energies() const;
   double mass() const; ///< [kg]
-  /// Mass added by mass scaling to each of bodies() [kg]; empty without it.
-  const std::vector<double>& added_mass() const { return added_mass_; }
   /// Force that the part of the solid in front of the plane through `point` along `normal` (in the reference
   /// state) feels from the part behind it [N], and its moment about the point where `point` is nearest to now
   /// [N m].
@@ -161,8 +159,8 @@ private:
   void make_beam(const SolidConfig& config);
   double driven_velocity(const DrivenFibre& driven, double t) const;
   double formula_of(const DrivenComponent& driven, double t) const;
-  void
-  finish_driven(double dt); ///< velocities (and accelerations) of driven components at the end of the step
+  /// Velocities (and accelerations) of the driven components of `part` at the end of the step.
+  void finish_driven(double dt, Part part);
   void solve_beam(double dt);
   void show_beam(bool moves); ///< u (if it moves), v, a of the nodes are those of the beam's faces
   void link_beam(std::size_t node, const Vec<dim>& f, double dt);
@@ -190,7 +188,6 @@ private:
   SolidNodes<dim> nodes_;
   std::vector<Vec<dim>> F_int_, F_ext_; ///< [N]
   std::vector<DrivenComponent> driven_;
-  std::vector<double> added_mass_;
   bool loads_are_full_ = false;
   Damping damping_;
   std::vector<Vec<dim>> F_viscous_, F_viscous_old_; ///< [N]; empty without damping

@@ -113,8 +113,7 @@ struct SolidConfig
   ContactMethod contact_method = ContactMethod::penalty;
   double contact_stiffness = 0.1; ///< penalty stiffness relative to ω² m
   std::vector<WetConfig> wet;
-  double step_safety = 0.9;       ///< fraction of the stable step that is offered
-  double mass_scaling_step = 0.0; ///< masses are added until the stable step reaches this [s]; 0: none
+  double step_safety = 0.9; ///< fraction of the stable step that is offered
 };
 
 /// The mesh the configuration asks for: generated, or read.
