@@ -373,9 +373,12 @@ double Fluid<dim>::least_inertia(std::size_t i) const
 }
 
 template <int dim>
-void Fluid<dim>::check_state(index_t bad) const
+void Fluid<dim>::check_state(index_t bad)
 {
-  if (bad < 0)
+  // Elements of spray may turn over between two looks at the mesh: their node keeps its pressure, and the
+  // next look finds them and remeshes. What is not over by then is a blow-up.
+  constexpr int looks_away = 10; // steps
+  if (bad < 0 || ++turned_over_ <= looks_away)
     return;
   const auto i = static_cast<std::size_t>(bad);
   throw NumericalError(
@@ -390,8 +393,10 @@ void Fluid<dim>::check_state(index_t bad) const
 template <int dim>
 double Fluid<dim>::critical_time_step() const
 {
-  return config_.step_safety *
-         fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms, config_.inertia_floor);
+  // Where nothing but flying nodes is left no element bounds the step; walls still have to be met.
+  return config_.step_safety * std::min(config_.element_size / sound_speed(),
+                                        fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait,
+                                                                       config_.terms, config_.inertia_floor));
 }
 
 template <int dim>
@@ -485,6 +490,7 @@ void Fluid<dim>::remesh()
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old, config_.remesh.shape);
+  drop_fragments(choice);
   const double particle_mass = mass();
   if (config_.feedback_time > 0.0)
     release_mass(choice);
@@ -606,6 +612,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
+  turned_over_ = 0;
   x_remesh_ = nodes_.x;
   quality_.resize(mesh_.elements.size());
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
@@ -648,6 +655,42 @@ void Fluid<dim>::flag_nodes()
       nodes_.flag[static_cast<std::size_t>(n)] |=
           static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
   }
+}
+
+/// One or two elements that hang together with no others are spray: as fluid they would be a spring between
+/// few nodes that snaps. Their nodes fly.
+template <int dim>
+void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
+{
+  constexpr int fewest = 3; // elements
+  std::vector<index_t> root(nodes_.x.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](index_t n)
+  {
+    while (root[static_cast<std::size_t>(n)] != n)
+      n = root[static_cast<std::size_t>(n)] =
+          root[static_cast<std::size_t>(root[static_cast<std::size_t>(n)])];
+    return n;
+  };
+  for (const auto& e : choice.elements)
+    for (const index_t n : e)
+      root[static_cast<std::size_t>(find(n))] = find(e[0]);
+  std::vector<int> count(nodes_.x.size(), 0);
+  for (const auto& e : choice.elements)
+    ++count[static_cast<std::size_t>(find(e[0]))];
+  std::erase_if(choice.elements,
+                [&](const Simplex<dim>& e)
+                {
+                  const bool wet = std::any_of(e.begin(), e.end(),
+                                               [&](index_t n) {
+                                                 return (nodes_.surface[static_cast<std::size_t>(n)] &
+                                                         (wet_mask_ | openings_.driven_mask())) != 0;
+                                               });
+                  if (wet || count[static_cast<std::size_t>(find(e[0]))] >= fewest)
+                    return false;
+                  choice.dropped += std::abs(signed_volume<dim, double>(corners(nodes_, e)));
+                  return true;
+                });
 }
 
 template <int dim>

@@ -137,6 +137,7 @@ private:
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void order_nodes(std::vector<Simplex<dim>>& elements);
   void flag_nodes();
+  void drop_fragments(ShapeChoice<dim>& choice) const;
   void delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
   void erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void pass_openings();
@@ -151,7 +152,7 @@ private:
   void update_elements(double dt, index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
-  void check_state(index_t bad_node) const;
+  void check_state(index_t bad_node);
   Vec<dim> gravity() const;
   double least_inertia(std::size_t i) const;
   double sound_speed() const { return config_.tait.sound_speed(config_.tait.rho0); }
@@ -187,6 +188,7 @@ private:
   std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
+  int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh
   std::int64_t steps_ = 0, steps_since_remesh_ = 0;
   std::uint32_t surface_epoch_ = 0;
   RemeshLedger ledger_;

@@ -115,8 +115,8 @@ def unit_advice(settings):
         doubt(f"{part}.gravity", lambda v: v > 1000.0, "is that mm/s2? Accelerations are in m/s^2 (9.81)")
     doubt("solid.youngs_modulus", lambda v: v < 1e3, "is that GPa or MPa? Stresses are in Pa (rubber 1e6, steel 2.1e11)")
     doubt("fluid.bulk_modulus", lambda v: v < 1e3, "is that GPa or MPa? Stresses are in Pa (water 2.2e9)")
-    doubt("fluid.viscosity", lambda v: 0.3 <= v and 500.0 < (number(value_of(settings, "fluid.density")) or 0.0) < 1500.0,
-          "is that mPa s (cP)? Viscosities are in Pa s; water has 1e-3, glycerine 1.4")
+    doubt("fluid.viscosity", lambda v: 0.8 <= v <= 1.6 and 500.0 < (number(value_of(settings, "fluid.density")) or 0.0) < 1500.0,
+          "is that mPa s (cP), as water has it at 5 to 30 degrees? Viscosities are in Pa s; water has 1e-3, glycerine 1.4")
     f, s = value_of(settings, "fluid.gravity"), value_of(settings, "solid.gravity")
     if settings.get("interface") and isinstance(f, list) and isinstance(s, list) and f != s:
         advice.append(f"solid.gravity = {s} differs from fluid.gravity = {f}: is that wanted?")

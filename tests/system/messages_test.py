@@ -178,7 +178,7 @@ class Messages(unittest.TestCase):
                     self.assertIn(part, advice, text)
 
     def test_good_cases_get_none(self):
-        good = [("", case, [], []) for case in (COLUMN, BAR, TANK, "hydrostatic_tank", "standing_wave", "elastica", "elastic_gate")]
+        good = [("", case, [], []) for case in (COLUMN, BAR, TANK, "hydrostatic_tank", "standing_wave", "viscous_wave", "wedge_impact", "elastica", "elastic_gate")]
         for entry, (code, text) in zip(good, check_all(good)):
             with self.subTest(entry[1]):
                 self.assertEqual(code, 0, text)
