@@ -229,6 +229,70 @@ void check_formulas(const CaseTable& table, const std::vector<std::string>& form
     table.fail(key, "must have one formula per component");
 }
 
+/// Factor over time from the key "table" as a formula of t, "" if there is none: linear between the points,
+/// constant outside.
+std::string factor_over_time(const CaseTable& table)
+{
+  const auto points =
+      table.numbers({"table", "s, -",
+                     "time (ascending) and factor alternately, linear between them and constant "
+                     "outside: multiplies value or function"},
+                    0, {}, any_number());
+  if (points.empty())
+    return "";
+  bool ascends = points.size() % 2 == 0 && points.size() >= 4;
+  for (std::size_t k = 2; ascends && k < points.size(); k += 2)
+    ascends = points[k] > points[k - 2];
+  if (!ascends)
+    table.fail("table", "must be pairs of time and factor, at least two, the times ascending");
+  std::string formula = fmt::format("{:.17g}", points.back());
+  for (std::size_t k = points.size() - 2; k >= 2; k -= 2)
+  {
+    const double t0 = points[k - 2], f0 = points[k - 1], slope = (points[k + 1] - f0) / (points[k] - t0);
+    formula = fmt::format("(t < {:.17g} ? {:.17g} + ({:.17g})*(t - ({:.17g})) : {})", points[k], f0, slope,
+                          t0, formula);
+  }
+  return fmt::format("(t < {:.17g} ? {:.17g} : {})", points[0], points[1], formula);
+}
+
+/// The formulas, or the values as formulas, times the factor if there is one.
+std::vector<std::string> over_time(const std::vector<std::string>& function, const std::vector<double>& value,
+                                   const std::string& factor)
+{
+  std::vector<std::string> formulas = function;
+  if (formulas.empty() && !factor.empty())
+    for (const double v : value)
+      formulas.push_back(fmt::format("{:.17g}", v));
+  if (!factor.empty())
+    for (auto& formula : formulas)
+      formula = "(" + formula + ")*" + factor;
+  return formulas;
+}
+
+/// One entry of [[solid.velocity]] or [[solid.acceleration]].
+VelocityConfig read_prescribed(const CaseTable& table, int dim, bool is_acceleration)
+{
+  const auto n = static_cast<std::size_t>(dim);
+  const char* unit = is_acceleration ? "m/s2" : "m/s";
+  VelocityConfig motion;
+  motion.is_acceleration = is_acceleration;
+  motion.on = table.text({"on", "", "name of the surface or node set"});
+  motion.function =
+      table.texts({"function", unit, "formulas of x, y, z, t, one per component, instead of value"}, {});
+  check_formulas(table, motion.function, n);
+  if (motion.function.empty())
+    motion.value =
+        table.numbers({"value", unit, is_acceleration ? "acceleration" : "velocity"}, n, any_number());
+  motion.components = table.texts({"components", "", "prescribed components"}, component_names(dim));
+  std::string factor = factor_over_time(table);
+  if (factor.empty() && is_acceleration)
+    factor = "1"; // always a formula
+  motion.function = over_time(motion.function, motion.value, factor);
+  if (!motion.function.empty())
+    motion.value.clear();
+  return motion;
+}
+
 void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& config)
 {
   const auto n = static_cast<std::size_t>(dim);
@@ -244,18 +308,12 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
                                                             : component_names(dim));
     config.fix.push_back(std::move(fix));
   }
-  for (const auto& table : solid.tables("velocity", "constant prescribed velocity of a surface or node set"))
-  {
-    VelocityConfig velocity;
-    velocity.on = table.text({"on", "", "name of the surface or node set"});
-    velocity.function =
-        table.texts({"function", "m/s", "formulas of x, y, z, t, one per component, instead of value"}, {});
-    check_formulas(table, velocity.function, n);
-    if (velocity.function.empty())
-      velocity.value = table.numbers({"value", "m/s", "velocity"}, n, any_number());
-    velocity.components = table.texts({"components", "", "prescribed components"}, component_names(dim));
-    config.velocity.push_back(std::move(velocity));
-  }
+  for (const auto& table : solid.tables("velocity", "prescribed velocity of a surface or node set"))
+    config.velocity.push_back(read_prescribed(table, dim, false));
+  for (const auto& table :
+       solid.tables("acceleration", "prescribed acceleration of a surface or node set, from the "
+                                    "initial velocity on"))
+    config.velocity.push_back(read_prescribed(table, dim, true));
   for (const auto& table : solid.tables("traction", "dead load per undeformed area of a surface"))
   {
     TractionConfig traction;
@@ -265,6 +323,10 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
                      "formulas of x, y, z (undeformed) and t, one per component, instead of value and ramp"},
                     {});
     check_formulas(table, traction.function, n);
+    const std::string factor = factor_over_time(table);
+    if (traction.function.empty() && !factor.empty())
+      traction.value = table.numbers({"value", "Pa", "traction"}, n, any_number());
+    traction.function = over_time(traction.function, traction.value, factor);
     if (!traction.function.empty())
     {
       config.traction.push_back(std::move(traction));
@@ -283,6 +345,8 @@ void read_supports_and_loads(const CaseTable& solid, int dim, SolidConfig& confi
     PressureConfig pressure;
     pressure.on = table.text({"on", "", "name of the surface"});
     pressure.function = table.text({"function", "Pa", "formula of x, y, z (undeformed) and t"});
+    if (const std::string factor = factor_over_time(table); !factor.empty())
+      pressure.function = over_time({pressure.function}, {}, factor)[0];
     config.pressure.push_back(std::move(pressure));
   }
   config.body_force_function = solid.texts(

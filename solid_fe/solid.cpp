@@ -80,7 +80,9 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
         nodes_.v[static_cast<std::size_t>(node)][i] = prescribed.v[i];
         const int function = prescribed.function[static_cast<std::size_t>(i)];
         if (prescribed.v[i] != 0.0 || function >= 0)
-          driven_.push_back({static_cast<std::size_t>(node), i, 0.0, function, prescribed.v[i]});
+          driven_.push_back(
+              {static_cast<std::size_t>(node), i, 0.0, function, prescribed.v[i],
+               function >= 0 && config.velocity[static_cast<std::size_t>(function)].is_acceleration});
       }
 
   for (std::size_t k = 0; k < config.rigid.size(); ++k)
@@ -175,9 +177,10 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
       show_beam(true);
     }
   for (auto& driven : driven_)
-    if (driven.function >= 0)
-      nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
-          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], t);
+    if (driven.accelerates)
+      nodes_.v[driven.node][driven.component] = v(nodes_.X[driven.node])[driven.component];
+    else if (driven.function >= 0)
+      nodes_.v[driven.node][driven.component] = formula_of(driven, t);
   for (auto& body : bodies_)
     std::fill(body.state.history.begin(), body.state.history.end(), Lanes(0.0));
   t_origin_ = t;
@@ -196,6 +199,9 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
   move_free(0.0, 0, nodes_.size());
   solve_beam(0.0);
   solve_rigid_bodies(0.0);
+  for (const auto& driven : driven_)
+    if (driven.accelerates)
+      nodes_.a[driven.node][driven.component] = formula_of(driven, t);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
   start_balances();
@@ -209,7 +215,12 @@ void Solid<dim>::start_balances()
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
   for (auto& driven : driven_)
+  {
     driven.reaction = driven_force(driven);
+    driven.v_end = nodes_.v[driven.node][driven.component];
+  }
+  for (auto& driven : driven_fibres_)
+    driven.v_end = beam_->v()[driven.fibre][driven.component];
   for (auto& driven : driven_fibres_)
     driven.reaction = -beam_->force(driven.fibre)[driven.component];
 }
@@ -251,10 +262,11 @@ void Solid<dim>::predict_velocity(double dt)
     show_beam(false);
   }
   for (auto& driven : driven_)
-    if (driven.function >= 0) // the velocity in the middle of the step moves the node
+    if (driven.accelerates) // it has had its half step already
+      driven.v_step = nodes_.v[driven.node][driven.component];
+    else if (driven.function >= 0) // the velocity in the middle of the step moves the node
     {
-      driven.v_step = driving_[static_cast<std::size_t>(driven.function)](
-          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], load_time + half);
+      driven.v_step = formula_of(driven, load_time + half);
       nodes_.v[driven.node][driven.component] = driven.v_step;
     }
 }
@@ -357,7 +369,43 @@ void Solid<dim>::solve_free_motion_of_interface(double dt)
   add_contact_force(dt);
   move_free(dt, 0, reference_.n_wet);
   solve_beam(dt);
+  finish_driven(dt, Part::interface);
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
+}
+
+template <int dim>
+double Solid<dim>::formula_of(const DrivenComponent& driven, double t) const
+{
+  return driving_[static_cast<std::size_t>(driven.function)](static_cast<std::size_t>(driven.component),
+                                                             nodes_.X[driven.node], t);
+}
+
+/// The support also works on the node's own mass.
+template <int dim>
+void Solid<dim>::finish_driven(double dt, Part part)
+{
+  for (auto& driven : driven_)
+    if (driven.function >= 0 && (driven.node < f_link_.size()) == (part == Part::interface))
+    {
+      double &v = nodes_.v[driven.node][driven.component], value = formula_of(driven, time());
+      if (driven.accelerates)
+      {
+        nodes_.a[driven.node][driven.component] = value;
+        v += 0.5 * dt * value;
+      }
+      else
+        v = value;
+      driven_work_ += 0.5 * nodes_.m[driven.node] * (v * v - driven.v_end * driven.v_end);
+      driven.v_end = v;
+    }
+  if (part == Part::interior)
+    return;
+  for (auto& driven : driven_fibres_)
+  {
+    const double v = beam_->v()[driven.fibre][driven.component];
+    driven_work_ += 0.5 * beam_->mass(driven.fibre) * (v * v - driven.v_end * driven.v_end);
+    driven.v_end = v;
+  }
 }
 
 template <int dim>
@@ -371,6 +419,7 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
   count_works(dt);
   if (!beam_)
     move_free(dt, reference_.n_wet, nodes_.size());
+  finish_driven(dt, Part::interior);
   solve_rigid_bodies(dt);
 
   for (auto& driven : driven_)
@@ -378,9 +427,6 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
     const double reaction = driven_force(driven);
     driven_work_ += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
     driven.reaction = reaction;
-    if (driven.function >= 0)
-      nodes_.v[driven.node][driven.component] = driving_[static_cast<std::size_t>(driven.function)](
-          static_cast<std::size_t>(driven.component), nodes_.X[driven.node], time());
   }
   for (auto& driven : driven_fibres_)
   {
@@ -654,6 +700,48 @@ Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
 }
 
 template <int dim>
+std::pair<Vec<dim>, Vec<3>> Solid<dim>::section_force(const Vec<dim>& point, const Vec<dim>& normal) const
+{
+  // Elements in front of the plane push their own nodes with forces that cancel; what is left is what the cut
+  // ones push forward.
+  std::size_t nearest = 0;
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    if (norm_squared(nodes_.X[n] - point) < norm_squared(nodes_.X[nearest] - point))
+      nearest = n;
+  const auto about = point + nodes_.u[nearest];
+  std::pair<Vec<dim>, Vec<3>> total{};
+  const auto add = [&](const Vec<dim>& f, const Vec<dim>& x)
+  {
+    total.first += f;
+    Vec<3> arm, force;
+    for (int i = 0; i < dim; ++i)
+    {
+      arm[i] = x[i] - about[i];
+      force[i] = f[i];
+    }
+    total.second += cross(arm, force);
+  };
+  if constexpr (dim == 2)
+    if (beam_)
+    {
+      std::vector<Vec<2>> F(beam_->n_nodes());
+      std::vector<double> M(beam_->n_nodes());
+      beam_->internal_force_at(beam_->u(), beam_->theta(), F, M);
+      for (std::size_t k = 0; k < F.size(); ++k)
+        if (dot(beam_->X()[k] - point, normal) > 0.0)
+        {
+          add(-1.0 * F[k], beam_->X()[k] + beam_->u()[k]);
+          total.second[2] -= M[k];
+        }
+      return total;
+    }
+  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+    if (dot(nodes_.X[n] - point, normal) > 0.0)
+      add(-1.0 * F_int_[n], nodes_.X[n] + nodes_.u[n]);
+  return total;
+}
+
+template <int dim>
 double Solid<dim>::time() const
 {
   return t_origin_ + static_cast<double>(steps_of_dt_) * dt_;
@@ -886,6 +974,8 @@ void Solid<dim>::make_beam(const SolidConfig& config)
     {
       const auto& entry = config.velocity[c];
       const std::string key = "solid.velocity[" + std::to_string(c) + "]";
+      if (entry.is_acceleration)
+        throw InputError("solid.acceleration: a beam takes prescribed velocities only; give the velocity");
       const auto v = to_vec<2>(entry.value, key + ".value");
       std::vector<bool> taken(fibre_.size(), false);
       for (const index_t n : find_nodes(reference_.mesh, entry.on, key + ".on"))

@@ -100,7 +100,11 @@ public:
   /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s].
   double critical_time_step() const;
   Energies energies() const;
-  double mass() const;              ///< [kg]
+  double mass() const; ///< [kg]
+  /// Force that the part of the solid in front of the plane through `point` along `normal` (in the reference
+  /// state) feels from the part behind it [N], and its moment about the point where `point` is nearest to now
+  /// [N m].
+  std::pair<Vec<dim>, Vec<3>> section_force(const Vec<dim>& point, const Vec<dim>& normal) const;
   Vec<dim> linear_momentum() const; ///< Σ m v [kg m/s]
   Vec<3> angular_momentum() const; ///< Σ m x × v about the origin [kg m²/s]; in 2-D only the third component
   Vec<dim> reaction(std::span<const index_t> nodes)
@@ -138,14 +142,17 @@ private:
   {
     std::size_t node;
     int component;
-    double reaction; ///< [N] at the last complete instant
-    int function;    ///< formula of its velocity, −1: constant
-    double v_step;   ///< velocity within the step [m/s]
+    double reaction;          ///< [N] at the last complete instant
+    int function;             ///< formula of its velocity or acceleration, −1: constant velocity
+    double v_step;            ///< velocity within the step [m/s]
+    bool accelerates = false; ///< the formula is an acceleration
+    double v_end = 0.0;       ///< velocity at the last complete instant [m/s]
 
     void for_each_state(StateArchive& archive)
     {
       archive("reaction", reaction);
       archive("v_step", v_step);
+      archive("v_end", v_end);
     }
   };
 
@@ -156,17 +163,22 @@ private:
     int component;
     double reaction; ///< [N]
     int function;
-    double v, v_step; ///< constant velocity, velocity within the step [m/s]
+    double v, v_step;   ///< constant velocity, velocity within the step [m/s]
+    double v_end = 0.0; ///< at the last complete instant [m/s]
 
     void for_each_state(StateArchive& archive)
     {
       archive("reaction", reaction);
       archive("v_step", v_step);
+      archive("v_end", v_end);
     }
   };
 
   void make_beam(const SolidConfig& config);
   double driven_velocity(const DrivenFibre& driven, double t) const;
+  double formula_of(const DrivenComponent& driven, double t) const;
+  /// Velocities (and accelerations) of the driven components of `part` at the end of the step.
+  void finish_driven(double dt, Part part);
   void solve_beam(double dt);
   void show_beam(bool moves); ///< u (if it moves), v, a of the nodes are those of the beam's faces
   void link_beam(std::size_t node, const Vec<dim>& f, double dt);

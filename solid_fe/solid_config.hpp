@@ -18,13 +18,14 @@ struct FixConfig
   std::vector<std::string> components; ///< of "x", "y", "z"; of a beam "x", "y", "rotation"
 };
 
-/// `[[solid.velocity]]`: constant prescribed velocity of a surface or node set.
+/// `[[solid.velocity]]`, `[[solid.acceleration]]`: prescribed motion of a surface or node set.
 struct VelocityConfig
 {
   std::string on;
   std::vector<double> value;           ///< [m/s], dim numbers
   std::vector<std::string> components; ///< those prescribed; empty: all
   std::vector<std::string> function;   ///< of x, y, z, t, dim formulas; instead of value if not empty
+  bool is_acceleration = false; ///< value or function are an acceleration [m/s²] from the initial velocity on
 };
 
 /// `[[solid.traction]]`: dead load per reference area of a surface.

@@ -24,13 +24,23 @@ std::vector<double> flat(const std::vector<Vec<dim>>& field)
   return values;
 }
 
-/// A quantity with its unit; the force is the only one that is no nodal field.
+/// A quantity with its unit.
 struct Quantity
 {
   const char* name;
   const char* unit;
+  enum Kind
+  {
+    vector, ///< at nodes
+    section,
+    stress ///< a number of an element
+  } kind;
 };
-constexpr Quantity quantities[] = {{"u", "[m]"}, {"v", "[m/s]"}, {"a", "[m/s2]"}, {"F", "[N]"}};
+constexpr Quantity quantities[] = {
+    {"u", "[m]", Quantity::vector},          {"v", "[m/s]", Quantity::vector},
+    {"a", "[m/s2]", Quantity::vector},       {"F", "[N]", Quantity::vector},
+    {"S", "[N]", Quantity::section},         {"p", "[Pa]", Quantity::stress},
+    {"von_mises", "[Pa]", Quantity::stress}, {"plastic_strain", "[1]", Quantity::stress}};
 
 template <int dim>
 std::vector<std::string> columns_of(const ProbeConfig& probe)
@@ -42,11 +52,49 @@ std::vector<std::string> columns_of(const ProbeConfig& probe)
                                      [&name](const Quantity& quantity) { return name == quantity.name; });
     if (known == std::end(quantities))
       throw InputError("probe \"" + probe.name + "\": quantity \"" + name +
-                       "\": the solid measures u, v, a, F");
+                       "\": the solid measures u, v, a, F, S, p, von_mises, plastic_strain");
+    if (known->kind != Quantity::vector && !probe.at_point())
+      throw InputError("probe \"" + probe.name + "\": quantity \"" + name + "\" needs a point");
+    if (known->kind == Quantity::section && probe.normal.size() != dim)
+      throw InputError("probe \"" + probe.name +
+                       "\": quantity \"S\" needs a normal: the direction across the cut");
+    if (known->kind == Quantity::stress)
+    {
+      columns.push_back(name + known->unit);
+      continue;
+    }
     for (int i = 0; i < dim; ++i)
       columns.push_back(name + "_" + std::string(1, "xyz"[i]) + known->unit);
+    for (int i = dim == 2 ? 2 : 0; known->kind == Quantity::section && i < 3; ++i)
+      columns.push_back("M_" + std::string(1, "xyz"[i]) + "[N m]");
   }
   return columns;
+}
+
+/// Middles of the elements in the reference state, in the order of cell_stress.
+template <int dim>
+std::vector<Vec<dim>> element_middles(const Solid<dim>& solid)
+{
+  std::vector<Vec<dim>> middles;
+  const auto add = [&](const index_t* nodes, std::size_t count)
+  {
+    auto& middle = middles.emplace_back();
+    for (std::size_t a = 0; a < count; ++a)
+      middle += (1.0 / static_cast<double>(count)) * solid.nodes().X[static_cast<std::size_t>(nodes[a])];
+  };
+  if (solid.beam() != nullptr)
+    for (const auto& block : solid.mesh().blocks)
+      for (index_t e = 0; e < block.size(); ++e)
+        add(&block.nodes[static_cast<std::size_t>(4 * e)], 4);
+  for (const auto& body : solid.bodies())
+    std::visit(
+        [&](const auto& block)
+        {
+          for (const auto& element : block.nodes)
+            add(element.data(), element.size());
+        },
+        body.block);
+  return middles;
 }
 
 template <int dim>
@@ -217,8 +265,15 @@ SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<Prob
     if (probe.on == "solid")
     {
       auto place = place_of(probe, solid);
-      probes_.push_back({std::move(place.nodes), std::move(place.weight), probe.fields,
-                         History(config.dir, probe.name, place.definition, columns_of<dim>(probe))});
+      auto& made = probes_.emplace_back(
+          Probe{std::move(place.nodes), std::move(place.weight), probe.fields,
+                History(config.dir, probe.name, place.definition, columns_of<dim>(probe))});
+      made.point = to_vec<dim>(probe.point, "probe: point");
+      made.normal = to_vec<dim>(probe.normal, "probe: normal");
+      const auto middles = element_middles(solid);
+      for (std::size_t e = 0; e < middles.size(); ++e)
+        if (norm_squared(middles[e] - made.point) < norm_squared(middles[made.element] - made.point))
+          made.element = e;
     }
 }
 
@@ -277,11 +332,29 @@ void SolidOutput<dim>::for_each_state(StateArchive& archive)
 template <int dim>
 void SolidOutput<dim>::write_history(const Solid<dim>& solid, const Energies& e)
 {
+  std::optional<CellStress> stress; // of this instant, once a probe asks for it
   for (auto& probe : probes_)
   {
     std::vector<double> row;
     for (const auto& name : probe.quantities)
     {
+      if (name == "S")
+      {
+        const auto [force, moment] = solid.section_force(probe.point, probe.normal);
+        row.insert(row.end(), force.c.begin(), force.c.end());
+        row.insert(row.end(), moment.c.begin() + (dim == 2 ? 2 : 0), moment.c.end());
+        continue;
+      }
+      if (name == "p" || name == "von_mises" || name == "plastic_strain")
+      {
+        if (!stress)
+          stress = cell_stress(solid);
+        const auto* sigma = &stress->sigma[9 * probe.element];
+        row.push_back(name == "p"           ? -(sigma[0] + sigma[4] + sigma[8]) / 3.0
+                      : name == "von_mises" ? stress->von_mises[probe.element]
+                                            : stress->plastic_strain[probe.element]);
+        continue;
+      }
       Vec<dim> value;
       if (name == "F")
         value = solid.reaction(probe.nodes);

@@ -30,7 +30,9 @@ index_t nearest_node(const Solid<dim>& solid, const Vec<dim>& point);
 
 /// What a probe of the solid measures: "u" [m], "v" [m/s], "a" [m/s²] at the material point nearest to
 /// `point`, or their mean over `surface`; "F", the force of the supports on `surface` (or on that one node)
-/// [N], per metre of thickness in 2-D.
+/// [N]; "S", force and moment [N m] through the cut across `normal` at `point`; "p", "von_mises" [Pa] and
+/// "plastic_strain": mean stress with the sign of a pressure, equivalent stress and strain of the element
+/// nearest to `point`. Forces are per metre of thickness in 2-D.
 std::vector<std::string> probe_quantities();
 
 /// Check the probes of the solid without writing. @throws InputError for a surface or quantity that is not
@@ -58,6 +60,8 @@ private:
     std::vector<double> weight; ///< of the mean over the nodes; sums to 1
     std::vector<std::string> quantities;
     History history;
+    Vec<dim> point{}, normal{};
+    std::size_t element = 0; ///< nearest to the point, in the order of cell_stress
   };
 
   std::optional<FrameWriter> frames_;

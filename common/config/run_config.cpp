@@ -76,6 +76,11 @@ std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
     probe.point = table.numbers(
         {"point", "m", "point that is followed: a material point of the solid, a place of the fluid"},
         table.has("point") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
+    probe.normal = table.numbers({"normal", "",
+                                  "solid, quantity S: direction across the cut through the point; S is the "
+                                  "force (and moment about the point) "
+                                  "that the part it points to feels from the part behind"},
+                                 table.has("normal") ? static_cast<std::size_t>(dim) : 0, {}, any_number());
     probe.radius = table.number(
         {"radius", "m",
          "fluid: mean over the nodes within this distance of the fixed point; 0: follow one node; "

@@ -55,6 +55,8 @@ struct ProbeConfig
   std::vector<double>
       relative_to;     ///< solid: another material point whose u, v and a are subtracted [m]; may be empty
   std::string surface; ///< name of a surface; empty if the probe is at a point
+  std::vector<double>
+      normal; ///< solid: direction across the cut through `point` whose force is measured; or empty
   double radius =
       0.0; ///< fluid gauge: mean over the nodes within this distance of the fixed point [m]; 0: follow a node
   std::string wall;                ///< fluid: name of a wall whose force is measured

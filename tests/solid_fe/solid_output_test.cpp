@@ -146,7 +146,8 @@ TEST_CASE("probes that cannot be are refused", "[solid][unit]")
   CHECK_NOTHROW(check("top", "u"));
   CHECK_THROWS_WITH(check("tpo", "u"),
                     Catch::Contains("probe \"p\"") && Catch::Contains("did you mean \"top\""));
-  CHECK_THROWS_WITH(check("top", "p"), Catch::Contains("u, v, a, F"));
+  CHECK_THROWS_WITH(check("top", "q"), Catch::Contains("u, v, a, F"));
+  CHECK_THROWS_WITH(check("top", "von_mises"), Catch::Contains("needs a point"));
 }
 
 TEST_CASE("the description tells counts, supports and the step", "[solid][unit]")
