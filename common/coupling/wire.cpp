@@ -403,6 +403,9 @@ SurfaceMesh read_surface_mesh(Reader in)
   {
     m.coupled_nodes = in.i32_list("coupled_nodes");
     m.coupled_inverse_mass = in.f64_list("coupled_inverse_mass");
+    if (m.coupled_nodes.empty()) // one way to say one thing
+      in.reject("coupled_nodes", "an empty list",
+                "left out with coupled_inverse_mass where no nodes are coupled");
   }
   in.end();
 
