@@ -26,7 +26,14 @@ void* operator new(std::size_t size, std::align_val_t alignment)
 {
   return counted(size, static_cast<std::size_t>(alignment));
 }
+void* operator new(std::size_t size,
+                   const std::nothrow_t&) noexcept // Catch uses it; new and delete must match
+{
+  ++allocations;
+  return std::malloc(size);
+}
 void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
