@@ -142,11 +142,13 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     busy[k] = busy[l] = dead[l] = 1;
     const double share = nodes.m[l] / (nodes.m[k] + nodes.m[l]);
     report.kinetic_lost += 0.5 * nodes.m[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
-    if (rank(k) == rank(l))
+    const bool moves = rank(k) == rank(l);
+    if (moves)
       nodes.x[k] += share * (nodes.x[l] - nodes.x[k]);
+    if (moves || nodes.V[k] == 0.0) // density belongs to a place: under gravity the mean is that of another one
+      nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
     nodes.v[k] += share * (nodes.v[l] - nodes.v[k]);
     nodes.a[k] += share * (nodes.a[l] - nodes.a[k]);
-    nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
     nodes.M[k] += nodes.M[l];
     nodes.m[k] += nodes.m[l];
     nodes.V[k] += nodes.V[l];
