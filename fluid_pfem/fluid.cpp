@@ -239,7 +239,7 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
     for (int k = 0; k < dim; ++k)
       sums_.body[i][k] = config_.body_force[static_cast<std::size_t>(k)](nodes_.x[i][0], nodes_.x[i][1],
                                                                          third(nodes_.x[i]), t_);
-    nodes_.a[i] += sums_.body[i];
+    nodes_.a[i] += (nodes_.m[i] / nodes_.inertia[i]) * sums_.body[i];
   }
 }
 
@@ -310,7 +310,8 @@ void Fluid<dim>::exchange_mass(double dt)
     nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * c_per_T / nodes_.h[i] * defect);
     nodes_.M[i] += exchanged;
     if (n >= n_wet_) // the coupler was told the mass of the wet ones
-      nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
+      nodes_.inertia[i] =
+          nodes_.flag[i] & isolated_node ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
   }
 }
 
@@ -613,7 +614,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
           nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) *
                                             std::max(0.0, least_inertia(i) / config_.tait.rho0 - nodes_.V[i]);
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
-    nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
+    // What flies is moved by gravity alone: no element can accelerate it.
+    nodes_.inertia[i] = mesh_.isolated(n) ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   sums_.reset(n_nodes);

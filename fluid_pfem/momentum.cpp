@@ -271,7 +271,7 @@ void take_acceleration(FluidNodes<dim>& nodes, const Vec<dim>& b, index_t begin,
   {
     const double per_mass = 1.0 / nodes.inertia[n];
     for (int i = 0; i < dim; ++i)
-      nodes.a[n][i] = per_mass * sums.sum[n][i] + b[i];
+      nodes.a[n][i] = per_mass * (sums.sum[n][i] + nodes.m[n] * b[i]); // what weighs is m, whatever resists
   }
   for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end) && !mass_rate.empty(); ++n)
     mass_rate[n] = sums.sum[n][3];
