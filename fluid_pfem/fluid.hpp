@@ -23,7 +23,8 @@ namespace undine::fluid
 
 struct FluidEnergy
 {
-  double kinetic = 0.0;        ///< [J], per metre of depth in 2-D, like all below
+  double kinetic = 0.0;        ///< ½ Σ M v^{n−1/2}·v^{n+1/2}: what leapfrog conserves; a node held by a wall has
+                               ///< none, though half a kick into it; [J], per metre of depth in 2-D, as all below
   double internal = 0.0;       ///< Σ m e(ρ)
   double potential = 0.0;      ///< −Σ m g·x
   double dissipated = 0.0;     ///< by viscosity and bulk viscosity, cumulated
@@ -136,6 +137,9 @@ public:
   void set_velocity(const std::vector<Vec<dim>>& v);
 
 private:
+  /// Nodes this near to a solid are watched for contact with it, in units of the spacing.
+  static constexpr double contact_reach = 2.0;
+
   bool mesh_is_bad() const;
   double push_off_walls(double dt);
   void update_spacing();

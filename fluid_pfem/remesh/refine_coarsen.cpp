@@ -174,11 +174,12 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
     const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
     // Momentum: m v_new = (m_k v_k + m_l v_l)/3 with m = (m_k + m_l)/3.
-    const Vec<dim> v =
-        (1.0 / (nodes.m[k] + nodes.m[l])) * (nodes.m[k] * nodes.v[k] + nodes.m[l] * nodes.v[l]);
+    const double share = nodes.m[l] / (nodes.m[k] + nodes.m[l]);
+    const auto mean_by_mass = [share](const Vec<dim>& a, const Vec<dim>& b)
+    { return (1.0 - share) * a + share * b; };
     nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));
-    nodes.v.push_back(v);
-    nodes.a.push_back(mean(nodes.a[k], nodes.a[l]));
+    nodes.v.push_back(mean_by_mass(nodes.v[k], nodes.v[l]));
+    nodes.a.push_back(mean_by_mass(nodes.a[k], nodes.a[l]));
     nodes.m.push_back((nodes.m[k] + nodes.m[l]) / 3.0);
     nodes.M.push_back(M);
     nodes.inertia.push_back(M);
