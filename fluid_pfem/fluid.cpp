@@ -158,6 +158,12 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
 {
   check_state(
       update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end));
+  limit_tension(begin, end);
+}
+
+template <int dim>
+void Fluid<dim>::limit_tension(index_t begin, index_t end)
+{
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
       nodes_.p[static_cast<std::size_t>(n)] =
@@ -394,7 +400,10 @@ FluidEnergy Fluid<dim>::energy() const
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
     e.kinetic += 0.5 * nodes_.M[i] * dot(nodes_.v[i] - kick, nodes_.v[i] + kick);
-    e.internal += nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]);
+    const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
+                        nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
+    if (!opened)
+      e.internal += nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]);
     e.potential -= nodes_.M[i] * dot(g, nodes_.x[i]);
   }
   e.dissipated = dissipated_;

@@ -23,8 +23,8 @@ namespace undine::fluid
 
 struct FluidEnergy
 {
-  double kinetic = 0.0;        ///< ½ Σ M v^{n−1/2}·v^{n+1/2}: what leapfrog conserves; a node held by a wall has
-                               ///< none, though half a kick into it; [J], per metre of depth in 2-D, as all below
+  double kinetic = 0.0; ///< ½ Σ M v^{n−1/2}·v^{n+1/2}: what leapfrog conserves; a node held by a wall has
+                        ///< none, though half a kick into it; [J], per metre of depth in 2-D, as all below
   double internal = 0.0;       ///< Σ m e(ρ)
   double potential = 0.0;      ///< −Σ m g·x
   double dissipated = 0.0;     ///< by viscosity and bulk viscosity, cumulated
@@ -142,6 +142,8 @@ private:
 
   bool mesh_is_bad() const;
   double push_off_walls(double dt);
+  std::vector<Vec<dim>> half_step_velocity() const;
+  double energy_with(std::span<const Vec<dim>> v_half) const;
   void update_spacing();
   void triangulate();
   std::vector<Simplex<dim>> triangulation();
@@ -163,6 +165,7 @@ private:
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void update_state(index_t begin, index_t end);
+  void limit_tension(index_t begin, index_t end);
   void add_element_forces(double dt, index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);

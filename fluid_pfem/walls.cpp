@@ -407,6 +407,16 @@ Vec<dim> Walls<dim>::velocity_of(std::size_t k, const Vec<dim>& x, double dt) co
 }
 
 template <int dim>
+Vec<dim> Walls<dim>::into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const
+{
+  Vec<dim> rest = w;
+  for (const WallPiece<dim>& wall : pieces_)
+    if (std::abs(wall.distance(x)) <= tolerance && wall.overhang(x, false) <= tolerance)
+      rest -= std::min(0.0, dot(rest, wall.n)) * wall.n;
+  return w - rest;
+}
+
+template <int dim>
 std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) const
 {
   std::array<int, 3> found{-1, -1, -1};

@@ -118,6 +118,8 @@ public:
 
   /// Pieces (flat faces in 3-D) on which x lies within `tolerance`, at most three.
   std::array<int, 3> pieces_at(const Vec<dim>& x, double tolerance) const;
+  /// Part of `w` that points into walls which `x` lies on, within `tolerance` [m].
+  Vec<dim> into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const;
 
   /// Impulse on each wall since the last reset_impulse [N s].
   const std::vector<Vec<dim>>& impulse() const { return impulse_; }

@@ -31,6 +31,15 @@ std::array<int, 3> common_pieces(const std::array<int, 3>& a, const std::array<i
   return shared;
 }
 
+/// Part of l in the particle mass of k and l. The dynamic mass of torn spray may be negative: a mean with it
+/// would lie far outside.
+template <int dim>
+double share_of(const FluidNodes<dim>& nodes, std::size_t l, std::size_t k)
+{
+  const double both = nodes.M[k] + nodes.M[l];
+  return both > 0.0 ? std::clamp(nodes.M[l] / both, 0.0, 1.0) : 0.5;
+}
+
 int count_pieces(const std::array<int, 3>& pieces)
 {
   return static_cast<int>(std::count_if(pieces.begin(), pieces.end(), [](int p) { return p >= 0; }));
@@ -140,12 +149,13 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     if (static_cast<index_t>(l) < n_wet || (nodes.surface[l] & ~nodes.surface[k]) != 0)
       continue;
     busy[k] = busy[l] = dead[l] = 1;
-    const double share = nodes.m[l] / (nodes.m[k] + nodes.m[l]);
-    report.kinetic_lost += 0.5 * nodes.m[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
+    const double share = share_of(nodes, l, k);
+    report.kinetic_lost += 0.5 * nodes.M[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
     const bool moves = rank(k) == rank(l);
     if (moves)
       nodes.x[k] += share * (nodes.x[l] - nodes.x[k]);
-    if (moves || nodes.V[k] == 0.0) // density belongs to a place: under gravity the mean is that of another one
+    if (moves ||
+        nodes.V[k] == 0.0) // density belongs to a place: under gravity the mean is that of another one
       nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
     nodes.v[k] += share * (nodes.v[l] - nodes.v[k]);
     nodes.a[k] += share * (nodes.a[l] - nodes.a[k]);
@@ -173,8 +183,8 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     busy[k] = busy[l] = 1;
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
     const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
-    // Momentum: m v_new = (m_k v_k + m_l v_l)/3 with m = (m_k + m_l)/3.
-    const double share = nodes.m[l] / (nodes.m[k] + nodes.m[l]);
+    // Momentum: M v_new = (M_k v_k + M_l v_l)/3 with M = (M_k + M_l)/3.
+    const double share = share_of(nodes, l, k);
     const auto mean_by_mass = [share](const Vec<dim>& a, const Vec<dim>& b)
     { return (1.0 - share) * a + share * b; };
     nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));

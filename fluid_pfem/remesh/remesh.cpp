@@ -14,6 +14,13 @@
 namespace undine::fluid
 {
 
+namespace
+{
+
+constexpr double on_wall_within = 0.02; // of the spacing
+
+} // namespace
+
 /// Delaunay simplices of all nodes that the solid leaves room for.
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::triangulation()
@@ -52,7 +59,8 @@ void Fluid<dim>::remesh()
   }
   update_state(0, nodes_.size()); // the exchange of mass of the last step is part of the density that stays
   pass_openings();
-  const double before = energy().total();
+  std::vector<Vec<dim>> v_half = half_step_velocity();
+  const double before = energy_with(v_half);
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
@@ -94,9 +102,7 @@ void Fluid<dim>::remesh()
   follow(order_if_due(choice.elements));
   const std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
-  std::vector<Vec<dim>> v_half = nodes_.v;
-  for (std::size_t n = 0; n < v_half.size(); ++n)
-    v_half[n] -= 0.5 * dt_before_ * nodes_.a[n];
+  v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   if (config_.feedback_time > 0.0)
@@ -107,8 +113,28 @@ void Fluid<dim>::remesh()
   ledger_.split += spacing.split;
   ledger_.created += choice.created;
   ledger_.dropped += choice.dropped;
-  const double jump = energy().total() - before;
+  const double jump = energy_with(v_half) - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
+}
+
+template <int dim>
+std::vector<Vec<dim>> Fluid<dim>::half_step_velocity() const
+{
+  std::vector<Vec<dim>> v = nodes_.v;
+  for (std::size_t n = 0; n < v.size(); ++n)
+    v[n] -= 0.5 * dt_before_ * nodes_.a[n];
+  return v;
+}
+
+/// Kinetic, of the given velocities, internal and potential energy [J].
+template <int dim>
+double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
+{
+  FluidEnergy e = energy();
+  e.kinetic = 0.0;
+  for (std::size_t n = 0; n < v_half.size(); ++n)
+    e.kinetic += 0.5 * nodes_.M[n] * norm_squared(v_half[n]);
+  return e.total();
 }
 
 template <int dim>
@@ -143,13 +169,12 @@ template <int dim>
 std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 {
   std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
-  constexpr double tolerance = 0.02; // of the spacing
   if (!contact_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      pieces[n] = contact_.pieces_at(nodes_.x[n], tolerance * nodes_.h[n]);
+      pieces[n] = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
   if (!solid_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      for (const int side : solid_.sides_at(nodes_.x[n], tolerance * nodes_.h[n]))
+      for (const int side : solid_.sides_at(nodes_.x[n], on_wall_within * nodes_.h[n]))
         if (const auto free = std::find(pieces[n].begin(), pieces[n].end(), -1);
             side >= 0 && free != pieces[n].end())
           *free = side;
@@ -161,8 +186,14 @@ template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
   mesh_ = connect<dim>(nodes_.size(), std::move(elements));
+  const std::vector<std::uint8_t> was = nodes_.flag;
   flag_nodes();
   const index_t n_nodes = nodes_.size();
+  // A node that opened at the free surface had no pull; when the fluid closes around it, it begins with none.
+  if (!config_.surface_tension_allowed)
+    for (std::size_t i = 0; i < was.size(); ++i)
+      if ((was[i] & on_free_surface) && !(nodes_.flag[i] & on_free_surface))
+        nodes_.rho[i] = std::max(nodes_.rho[i], config_.tait.rho0);
   constrained_.clear();
   for (index_t n = 0; n < n_nodes; ++n)
     if (nodes_.surface[static_cast<std::size_t>(n)] & wall_mask_)
@@ -188,6 +219,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     // What flies is moved by gravity alone: no element can accelerate it.
     nodes_.inertia[i] = mesh_.isolated(n) ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
   }
+  limit_tension(0, n_nodes);
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   sums_.reset(n_nodes);
   // Elements are sorted by their smallest node.
@@ -201,9 +233,9 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   e_layer_ = elements_below(n_layer_);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
-  const std::vector<Vec<dim>> v = nodes_.v;
+  const std::vector<Vec<dim>> v = nodes_.v, a = nodes_.a;
   for (std::size_t i = 0; i < v.size(); ++i)
-    nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
+    nodes_.v[i] -= 0.5 * dt_before_ * a[i];
   record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
   add_element_forces(dt_before_, 0, mesh_.n_elements());
   take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
@@ -212,14 +244,17 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
   find_impedance();
   let_waves_out(dt_before_, false);
-  // The state of a remesh is x and the velocity of the half step; what ends the step is a kick of the new
-  // mesh. Else a wall node would go on with the difference of two large pushes into its wall. Wet nodes keep
-  // the velocity that the solid knows.
-  for (index_t n = 0; n < n_nodes; ++n)
-  {
-    const auto i = static_cast<std::size_t>(n);
-    nodes_.v[i] = n < n_wet_ ? v[i] : nodes_.v[i] + 0.5 * dt_before_ * nodes_.a[i];
-  }
+  nodes_.v = v;
+  // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
+  // it and that of the new mesh.
+  if (!contact_.empty())
+    for (index_t n = n_wet_; n < n_nodes; ++n)
+      if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
+      {
+        const auto push = [&](const Vec<dim>& kick)
+        { return contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], kick); };
+        nodes_.v[i] += (0.5 * dt_before_) * (push(nodes_.a[i]) - push(a[i]));
+      }
   openings_.drive(nodes_, t_);
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
