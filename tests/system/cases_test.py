@@ -56,6 +56,19 @@ class Cases(programs.SystemTest):
                 ours = factor * np.interp(single["t[s]"], gate["t[s]"], gate[column])
                 self.assertLess(np.max(np.abs(ours - single[column])), 0.1 * np.max(np.abs(single[column])), column)
 
+    def test_the_box_floats(self):
+        """Archimedes: 0.05 m. Within a quarter of a spacing of 0.02 m; the mean over whole periods, and what the water has lost of its volume taken into account."""
+        summary = self.run_case("floating_box", "--set", "run.resolution=10", "--until", "2.0")
+        self.expect_kept_impulses(summary)
+        bottom, mass = (compare.read_csv(self.out / "history" / f"{name}.csv") for name in ("bottom", "mass"))
+        t, u = bottom["t[s]"], bottom["u_y[m]"]
+        above = u > u[t > 0.05].mean()
+        rises = np.flatnonzero(~above[:-1] & above[1:])
+        whole = (t >= t[rises[0]]) & (t < t[rises[-1]])
+        level = np.interp(t, mass["t[s]"], mass["volume[m^dim]"]) / 0.5
+        self.assertGreater(len(rises), 1)
+        self.assertLess(abs(np.mean((level - 0.21 - u)[whole]) / 0.6 - 0.05), 0.25 * 0.02)
+
     def test_the_wedge_bends(self):
         """Between 1.0 and 2.2 ms inside [0.85 nonlinear loads, 1.03 Wagner] already at 10 mm."""
         summary = self.run_case("wedge_impact", "--set", "run.resolution=60")
