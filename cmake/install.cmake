@@ -14,6 +14,7 @@ set_target_properties(coupler fluid_pfem solid_fe PROPERTIES INSTALL_RPATH_USE_L
 install(TARGETS coupler fluid_pfem solid_fe RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/undine)
 install(PROGRAMS scripts/run_case.py scripts/plot scripts/watch DESTINATION ${share}/scripts)
 install(FILES scripts/completion.bash DESTINATION ${share}/scripts)
+install(DIRECTORY scripts/slurm DESTINATION ${share}/scripts)
 install(DIRECTORY scripts/lib DESTINATION ${share}/scripts PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY cases DESTINATION ${share} PATTERN __pycache__ EXCLUDE PATTERN CMakeLists.txt EXCLUDE)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/undine)

@@ -43,6 +43,16 @@ struct Vec
   friend constexpr bool operator==(const Vec&, const Vec&) = default;
 };
 
+/// The first `dim` of three components: cases name points and vectors in space.
+template <int dim>
+constexpr Vec<dim> leading(const std::array<double, 3>& a)
+{
+  Vec<dim> v;
+  for (int i = 0; i < dim; ++i)
+    v[i] = a[static_cast<std::size_t>(i)];
+  return v;
+}
+
 template <int dim, class Real>
 constexpr Real dot(const Vec<dim, Real>& a, const Vec<dim, Real>& b)
 {

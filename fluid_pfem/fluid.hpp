@@ -136,6 +136,9 @@ public:
   void set_velocity(const std::vector<Vec<dim>>& v);
 
 private:
+  /// Nodes this near to a solid are watched for contact with it, in units of the spacing.
+  static constexpr double contact_reach = 2.0;
+
   bool mesh_is_bad() const;
   double push_off_walls(double dt);
   void update_spacing();

@@ -2,6 +2,7 @@
 // every node.
 #pragma once
 
+#include "common/tensor.hpp"
 #include "common/types.hpp"
 
 #include <array>
@@ -16,6 +17,16 @@ using Simplex = std::array<index_t, dim + 1>;
 
 template <int dim>
 using Facet = std::array<index_t, dim>;
+
+/// Positions of the corners of a simplex.
+template <int dim>
+std::array<Vec<dim>, dim + 1> corners(std::span<const Vec<dim>> x, const Simplex<dim>& e)
+{
+  std::array<Vec<dim>, dim + 1> corner;
+  for (std::size_t a = 0; a < corner.size(); ++a)
+    corner[a] = x[static_cast<std::size_t>(e[a])];
+  return corner;
+}
 
 /// One element seen from a node: (node, opposite…) is positively oriented.
 template <int dim>

@@ -217,15 +217,6 @@ double depth_in(const std::vector<Loop>& loops, const Vec<2>& x)
   return inside ? shortest : -shortest;
 }
 
-template <int dim>
-Vec<dim> leading(const std::array<double, 3>& a)
-{
-  Vec<dim> v;
-  for (int i = 0; i < dim; ++i)
-    v[i] = a[static_cast<std::size_t>(i)];
-  return v;
-}
-
 Loop outline_of(const Body& body, double h)
 {
   const Vec<2> origin = leading<2>(body.origin), size = leading<2>(body.size);

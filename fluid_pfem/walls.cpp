@@ -14,15 +14,6 @@ namespace undine::fluid
 namespace
 {
 
-template <int dim>
-Vec<dim> leading(const std::array<double, 3>& a)
-{
-  Vec<dim> v;
-  for (int i = 0; i < dim; ++i)
-    v[i] = a[static_cast<std::size_t>(i)];
-  return v;
-}
-
 /// Unit normal of a segment (to the left of it) or a triangle (right-handed).
 template <int dim>
 Vec<dim> normal_of(const std::array<Vec<dim>, dim>& corner)

@@ -1,0 +1,488 @@
+// New connectivity at a synchronised time.
+#include "common/error.hpp"
+#include "fluid_pfem/fluid.hpp"
+#include "fluid_pfem/mass_conservation.hpp"
+#include "fluid_pfem/remesh/alpha_shape.hpp"
+#include "fluid_pfem/remesh/refine_coarsen.hpp"
+#include "fluid_pfem/simplex.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+namespace undine::fluid
+{
+
+/// Delaunay simplices of all nodes that the solid leaves room for.
+template <int dim>
+std::vector<Simplex<dim>> Fluid<dim>::triangulation()
+{
+  delaunay_.update(nodes_.x);
+  std::vector<Simplex<dim>> simplices = delaunay_.simplices();
+  constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
+  if (contact_.has_convex())
+    std::erase_if(simplices,
+                  [&](const Simplex<dim>& e)
+                  {
+                    const auto outer = std::count_if(
+                        e.begin(), e.end(),
+                        [&](index_t n) { return nodes_.flag[static_cast<std::size_t>(n)] & on_boundary; });
+                    return outer >= 2 &&
+                           contact_.blocks(corners<dim>(nodes_.x, e),
+                                           around_corner * nodes_.h[static_cast<std::size_t>(e[0])]);
+                  });
+  if (!solid_.empty())
+    std::erase_if(simplices,
+                  [&](const Simplex<dim>& e) {
+                    return solid_.blocks(corners<dim>(nodes_.x, e), nodes_.h[static_cast<std::size_t>(e[0])]);
+                  });
+  return simplices;
+}
+
+template <int dim>
+void Fluid<dim>::remesh()
+{
+  if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
+  {
+    auto elements = std::move(mesh_.elements);
+    order_if_due(elements);
+    finish_mesh(std::move(elements));
+    return;
+  }
+  update_state(0, nodes_.size()); // the exchange of mass of the last step is part of the density that stays
+  pass_openings();
+  const double before = energy().total();
+  if (!openings_.empty())
+    update_nodal_volumes<dim>(mesh_, nodes_);
+  update_spacing();
+  const std::vector<Vec<dim>> old_x = nodes_.x;
+  auto pieces = wall_pieces();
+  for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
+  {
+    const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
+    nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
+  }
+  const SpacingReport spacing = refine_and_coarsen<dim>(
+      nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
+      config_.remesh.spacing, next_id_);
+  for (const auto& [kept, gone] : spacing.merges)
+    delaunay_.merge(kept, gone);
+  for (const auto& [i, j, added] : spacing.splits)
+    delaunay_.split(i, j, added);
+  if (!spacing.new_number.empty())
+    delaunay_.renumber(spacing.new_number);
+  contact_.settle(nodes_.x);
+  if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
+                                              config_.element_size, config_.remesh.shape);
+  drop_fragments(choice);
+  // The number that each old node has come to bear; a node that was merged is where the other one is.
+  std::vector<index_t> number(old_x.size());
+  std::iota(number.begin(), number.end(), 0);
+  const auto follow = [&number](const std::vector<index_t>& new_number)
+  {
+    for (index_t& n : number)
+      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+  };
+  for (const auto& [kept, gone] : spacing.merges)
+    number[static_cast<std::size_t>(gone)] = kept;
+  follow(spacing.new_number);
+  follow(delete_isolated_nodes(choice.elements));
+  follow(order_if_due(choice.elements));
+  const std::vector<double> V_before = nodes_.V;
+  // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
+  std::vector<Vec<dim>> v_half = nodes_.v;
+  for (std::size_t n = 0; n < v_half.size(); ++n)
+    v_half[n] -= 0.5 * dt_before_ * nodes_.a[n];
+  std::vector<Simplex<dim>> old_elements = mesh_.elements;
+  finish_mesh(std::move(choice.elements));
+  if (config_.feedback_time > 0.0)
+    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
+
+  ++ledger_.remeshes;
+  ledger_.merged += spacing.merged;
+  ledger_.split += spacing.split;
+  ledger_.created += choice.created;
+  ledger_.dropped += choice.dropped;
+  const double jump = energy().total() - before;
+  (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
+}
+
+template <int dim>
+void Fluid<dim>::update_spacing()
+{
+  nodes_.h.assign(nodes_.x.size(), config_.element_size);
+  if (size_.uniform())
+    return;
+  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+    nodes_.h[n] = size_(nodes_.x[n], contact_);
+}
+
+template <int dim>
+void Fluid<dim>::triangulate()
+{
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation());
+  if (inside_)
+    std::erase_if(elements,
+                  [&](const Simplex<dim>& e)
+                  {
+                    Vec<dim> centroid{};
+                    for (const auto& x : corners<dim>(nodes_.x, e))
+                      centroid += (1.0 / (dim + 1)) * x;
+                    return !inside_(centroid);
+                  });
+  order_if_due(elements);
+  finish_mesh(std::move(elements));
+  nodes_.M = nodes_.m;
+}
+
+template <int dim>
+std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
+{
+  std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
+  constexpr double tolerance = 0.02; // of the spacing
+  if (!contact_.empty())
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      pieces[n] = contact_.pieces_at(nodes_.x[n], tolerance * nodes_.h[n]);
+  if (!solid_.empty())
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      for (const int side : solid_.sides_at(nodes_.x[n], tolerance * nodes_.h[n]))
+        if (const auto free = std::find(pieces[n].begin(), pieces[n].end(), -1);
+            side >= 0 && free != pieces[n].end())
+          *free = side;
+  return pieces;
+}
+
+/// All that follows from positions, densities and connectivity.
+template <int dim>
+void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
+{
+  mesh_ = connect<dim>(nodes_.size(), std::move(elements));
+  flag_nodes();
+  const index_t n_nodes = nodes_.size();
+  constrained_.clear();
+  for (index_t n = 0; n < n_nodes; ++n)
+    if (nodes_.surface[static_cast<std::size_t>(n)] & wall_mask_)
+      constrained_.push_back(n);
+  for (const index_t n : constrained_)
+    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+
+  // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
+  update_nodal_volumes<dim>(mesh_, nodes_);
+  for (index_t n = 0; n < n_nodes; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    if (mesh_.isolated(n))
+    {
+      nodes_.rho[i] = config_.tait.rho0;
+      nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : least_inertia(i);
+    }
+    else // the inverse of update_density_and_pressure, completed nodes included
+      nodes_.m[i] =
+          nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) *
+                                            std::max(0.0, least_inertia(i) / config_.tait.rho0 - nodes_.V[i]);
+    nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
+    nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
+  }
+  mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
+  sums_.reset(n_nodes);
+  // Elements are sorted by their smallest node.
+  const auto elements_below = [this](index_t n)
+  {
+    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
+                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
+                                mesh_.elements.begin());
+  };
+  e_wet_ = elements_below(n_wet_);
+  e_layer_ = elements_below(n_layer_);
+  // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
+  // half a kick into it.
+  const std::vector<Vec<dim>> v = nodes_.v;
+  for (std::size_t i = 0; i < v.size(); ++i)
+    nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
+  record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
+  add_element_forces(dt_before_, 0, mesh_.n_elements());
+  take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
+  add_body_force(0, n_nodes);
+  for (const index_t n : constrained_)
+    constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  find_impedance();
+  let_waves_out(dt_before_, false);
+  nodes_.v = v;
+  openings_.drive(nodes_, t_);
+
+  f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
+  steps_since_remesh_ = 0;
+  turned_over_ = 0;
+  x_remesh_ = nodes_.x;
+  quality_.resize(mesh_.elements.size());
+  for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
+    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e])));
+  if (!contact_.empty())
+    contact_.find_candidates(nodes_.x, config_.element_size);
+  ++surface_epoch_;
+}
+
+/// Boundary, free surface, wall, isolated: from the boundary facets and the walls.
+template <int dim>
+void Fluid<dim>::flag_nodes()
+{
+  const auto pieces = wall_pieces();
+  const index_t n_nodes = nodes_.size();
+  for (index_t n = 0; n < n_nodes; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    const bool wall = pieces[i][0] >= 0 || (nodes_.surface[i] & wall_mask_);
+    const bool alone = mesh_.isolated(n);
+    nodes_.flag[i] =
+        static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
+    nodes_.alone[i] = alone ? static_cast<std::uint8_t>(std::min(nodes_.alone[i] + 1, 255)) : 0;
+  }
+  for (const auto& facet : mesh_.boundary)
+  {
+    SurfaceMask surface = wall_mask_ | wet_mask_ | impedance_mask_ | openings_.driven_mask();
+    std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
+    for (const index_t n : facet)
+    {
+      surface &= nodes_.surface[static_cast<std::size_t>(n)];
+      const auto& p = pieces[static_cast<std::size_t>(n)];
+      for (int& piece : shared)
+        if (std::find(p.begin(), p.end(), piece) == p.end())
+          piece = -1;
+    }
+    const bool bound =
+        surface != 0 || std::any_of(shared.begin(), shared.end(), [](int piece) { return piece >= 0; });
+    for (const index_t n : facet)
+      nodes_.flag[static_cast<std::size_t>(n)] |=
+          static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
+  }
+}
+
+/// One or two elements that hang together with no others are spray: as fluid they would be a spring between
+/// few nodes that snaps. Their nodes fly.
+template <int dim>
+void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
+{
+  constexpr int fewest = 3; // elements
+  std::vector<index_t> root(nodes_.x.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](index_t n)
+  {
+    while (root[static_cast<std::size_t>(n)] != n)
+      n = root[static_cast<std::size_t>(n)] =
+          root[static_cast<std::size_t>(root[static_cast<std::size_t>(n)])];
+    return n;
+  };
+  for (const auto& e : choice.elements)
+    for (const index_t n : e)
+      root[static_cast<std::size_t>(find(n))] = find(e[0]);
+  std::vector<int> count(nodes_.x.size(), 0);
+  for (const auto& e : choice.elements)
+    ++count[static_cast<std::size_t>(find(e[0]))];
+  std::erase_if(choice.elements,
+                [&](const Simplex<dim>& e)
+                {
+                  const bool wet = std::any_of(e.begin(), e.end(),
+                                               [&](index_t n) {
+                                                 return (nodes_.surface[static_cast<std::size_t>(n)] &
+                                                         (wet_mask_ | openings_.driven_mask())) != 0;
+                                               });
+                  if (wet || count[static_cast<std::size_t>(find(e[0]))] >= fewest)
+                    return false;
+                  choice.dropped += std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e)));
+                  return true;
+                });
+}
+
+/// @returns the new number of each node, empty if numbers stay
+template <int dim>
+std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
+{
+  if (config_.remesh.delete_isolated_after == 0)
+    return {};
+  std::vector<char> used(nodes_.x.size(), 0);
+  for (const auto& e : elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
+  std::vector<char> gone(nodes_.x.size(), 0);
+  for (std::size_t n = 0; n < gone.size(); ++n)
+    if (!used[n] && nodes_.alone[n] >= config_.remesh.delete_isolated_after)
+    {
+      gone[n] = 1;
+      ++ledger_.deleted_nodes;
+      ledger_.deleted_mass += nodes_.M[n];
+    }
+  return erase_nodes(gone, elements);
+}
+
+/// @returns the new number of each node, empty if numbers stay
+template <int dim>
+std::vector<index_t> Fluid<dim>::erase_nodes(const std::vector<char>& gone,
+                                             std::vector<Simplex<dim>>& elements)
+{
+  std::vector<index_t> new_number(nodes_.x.size(), -1);
+  index_t kept = 0;
+  for (std::size_t n = 0; n < new_number.size(); ++n)
+    if (!gone[n])
+      new_number[n] = kept++;
+    else
+      delaunay_.remove(static_cast<index_t>(n));
+  if (kept == nodes_.size())
+    return {};
+  delaunay_.renumber(new_number);
+  nodes_.for_each_field(
+      [&](const char*, auto& field)
+      {
+        for (std::size_t n = 0; n < new_number.size(); ++n)
+          if (new_number[n] >= 0)
+            field[static_cast<std::size_t>(new_number[n])] = field[n];
+        field.resize(static_cast<std::size_t>(kept));
+      });
+  for (auto& e : elements)
+    for (index_t& n : e)
+      n = new_number[static_cast<std::size_t>(n)];
+  return new_number;
+}
+
+/// Nodes come in and go out; the advected mesh of the last remesh gets and loses their elements, so that the
+/// remesh that follows finds the fluid where it is.
+template <int dim>
+void Fluid<dim>::pass_openings()
+{
+  if (openings_.empty())
+    return;
+  const double before = energy().total();
+  const index_t n_before = nodes_.size();
+  inflow_ += openings_.let_in(nodes_, mesh_.elements, next_id_, config_.tait.rho0);
+  openings_.drive(nodes_, t_);
+  std::vector<char> gone;
+  outflow_ += openings_.let_out(nodes_, mesh_.elements, gone);
+  if (!gone.empty() || nodes_.size() != n_before)
+    delaunay_.forget();
+  if (!gone.empty())
+  {
+    erase_nodes(gone, mesh_.elements);
+    mesh_.boundary.clear(); // of a mesh that is no more; the edges of splits are then taken as inner ones
+  }
+  openings_energy_ += energy().total() - before;
+}
+
+template <int dim>
+void Fluid<dim>::find_impedance()
+{
+  impedance_.clear();
+  if (impedance_mask_ == 0)
+    return;
+  std::vector<Vec<dim>> area(nodes_.x.size());
+  for (const auto& facet : mesh_.boundary)
+  {
+    SurfaceMask common = impedance_mask_;
+    std::array<Vec<dim>, dim> x;
+    for (std::size_t k = 0; k < dim; ++k)
+    {
+      common &= nodes_.surface[static_cast<std::size_t>(facet[k])];
+      x[k] = nodes_.x[static_cast<std::size_t>(facet[k])];
+    }
+    // volume_gradient of the facet is inward: V∇N = −area/dim
+    for (const index_t n : facet)
+      if (common != 0)
+        area[static_cast<std::size_t>(n)] -= volume_gradient<dim, double>(x);
+  }
+  for (index_t n = 0; n < nodes_.size(); ++n)
+    if (norm_squared(area[static_cast<std::size_t>(n)]) > 0.0)
+      impedance_.push_back({n, area[static_cast<std::size_t>(n)]});
+}
+
+namespace
+{
+
+template <class T>
+void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
+{
+  std::vector<T> result;
+  result.reserve(field.size());
+  for (const index_t n : old_of_new)
+    result.push_back(field[static_cast<std::size_t>(n)]);
+  field = std::move(result);
+}
+
+} // namespace
+
+/// Wet nodes first, then their neighbours, then the rest; inside each group along the box diagonal's sweep
+/// (by rows of one spacing).
+/// @returns the new number of each node
+template <int dim>
+std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
+{
+  const auto n_nodes = static_cast<std::size_t>(nodes_.size());
+  std::vector<char> used(n_nodes, 0);
+  for (const auto& e : elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
+  std::vector<int> group(n_nodes, 2);
+  n_wet_ = n_layer_ = 0;
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (((nodes_.surface[n] & wet_mask_) && used[n]) ||
+        solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
+      group[n] = 0;
+  travel_ = 0.0;
+  for (const auto& e : elements)
+    if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
+      for (const index_t n : e)
+        group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], 1);
+  for (const int g : group)
+  {
+    n_wet_ += g == 0;
+    n_layer_ += g <= 1;
+  }
+
+  std::vector<index_t> old_of_new(n_nodes);
+  std::iota(old_of_new.begin(), old_of_new.end(), 0);
+  const auto row = [&](index_t n)
+  {
+    std::array<long, dim> cell{};
+    for (int i = 0; i < dim; ++i) // the last axis runs slowest
+      cell[static_cast<std::size_t>(dim - 1 - i)] =
+          std::lround(std::floor(nodes_.x[static_cast<std::size_t>(n)][i] / (2.0 * config_.element_size)));
+    return cell;
+  };
+  std::sort(old_of_new.begin(), old_of_new.end(),
+            [&](index_t a, index_t b)
+            {
+              const auto key = [&](index_t n) {
+                return std::tuple(group[static_cast<std::size_t>(n)], row(n),
+                                  nodes_.id[static_cast<std::size_t>(n)]);
+              };
+              return key(a) < key(b);
+            });
+  std::vector<index_t> new_of_old(n_nodes);
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
+
+  nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
+  delaunay_.renumber(new_of_old);
+  for (auto& e : elements)
+    for (index_t& n : e)
+      n = new_of_old[static_cast<std::size_t>(n)];
+  return new_of_old;
+}
+
+/// Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
+/// must come first.
+template <int dim>
+std::vector<index_t> Fluid<dim>::order_if_due(std::vector<Simplex<dim>>& elements)
+{
+  constexpr std::int64_t order_every = 25;
+  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
+    return order_nodes(elements);
+  n_layer_ = 0;
+  return {};
+}
+
+template class Fluid<2>;
+template class Fluid<3>;
+
+} // namespace undine::fluid
