@@ -169,9 +169,9 @@ Outcome sandwich(std::int64_t substeps, double spin, double t_end)
 // The blocks of M⁻¹ that join the two faces are in H: after every window each node of both faces moves with
 // the block's node on it; without the pairs the jump is what one face feels of the other. At equal steps
 // nothing is lost or gained but O(Δt²) of the laws' nonlinearity once the scheme's own Δt²/8 a·M a, 1 % here,
-// is taken off. Sub-cycled, the fibres turn by some 1e-5 rad within a window whose H is that of its begin:
-// the jump is that of the 0.1 m/s which the link changes; energy may only be lost at the interface, and the
-// plain energy still comes and goes by that 1 %.
+// is taken off. Sub-cycled, the fibres turn within a window whose H is that of its begin: 1e-5 of the 0.1 m/s
+// that the link changes is allowed; energy may only be lost at the interface, and the plain energy still
+// comes and goes by that 1 %.
 TEST_CASE("a beam carries its fluid on both faces without a velocity jump", "[coupled][verification]")
 {
   for (const std::int64_t substeps : {1, 5})
