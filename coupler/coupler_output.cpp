@@ -64,6 +64,7 @@ void CouplerOutput::observe(const WindowRecord& r)
   largest_gap_ = std::max(largest_gap_, balance_.displacement_gap);
   compute_ = {r.fluid.compute_seconds, r.solid.compute_seconds};
   wait_ = {r.fluid.wait_seconds, r.solid.wait_seconds};
+  coupler_wait_ = r.wait_seconds;
   builds_ = r.searches;
   factorisations_ = r.solves;
   const bool start = r.plan.t_end == r.plan.t_begin;
@@ -197,6 +198,10 @@ void CouplerOutput::write_summary(const std::string& status) const
   s.set("conservation.displacement_gap", largest_gap_);
   s.set("conservation.activation_loss", balance_.activation_loss / scale);
   s.set("coupler.wall_s", wall);
+  s.set("coupler.wait_s", coupler_wait_);
+  s.set("coupler.share", wall > 0.0 ? 1.0 - coupler_wait_ / wall : 0.0);
+  s.set("coupler.share_definition", "part of the run in which the coupler does not wait for a message: its "
+                                    "searches, solutions, ledgers and files");
   s.set("coupler.substeps_least", substeps_least_);
   s.set("coupler.substeps_most", substeps_most_);
   s.set("coupler.exchanges", fine_steps_ + windows_);

@@ -60,6 +60,7 @@ private:
   InterfaceBalance balance_;
   double largest_jump_ = 0.0, largest_gap_ = 0.0;
   std::array<double, 2> compute_{}, wait_{};
+  double coupler_wait_ = 0.0;   ///< [s]
   double largest_window_ = 0.0; ///< [s]
   std::int64_t stalled_ = 0;    ///< windows in a row that were far shorter
   std::int64_t builds_ = 0, factorisations_ = 0;

@@ -1,11 +1,9 @@
-// The coupler program: joins one fluid and one solid.
+// The coupler program: joins one fluid and the solids.
 #include "common/error.hpp"
 #include "common/io/log.hpp"
 #include "common/program/program.hpp"
 #include "coupler/coupler_output.hpp"
 #include "coupler/run.hpp"
-#include "coupler/run_contact.hpp"
-#include "coupler/staggered.hpp"
 
 #include <fmt/format.h>
 
@@ -16,28 +14,32 @@ namespace
 
 using namespace undine;
 
-/// The scheme of the case must be one that both participants can take part in.
+/// The scheme of the case must be one that all participants can take part in.
 void require_level(const CouplingConfig& coupling, const link::World& world)
 {
   const std::string& scheme = coupling.scheme;
-  const auto can = [&world](const char* role, std::uint64_t capability)
+  const auto can = [&world](const std::string& role, std::uint64_t capability)
   { return (world.capabilities_of(role) & capability) != 0; };
-  const std::string solid = "'solid' (" + world.solver_of("solid") + ")";
+  const auto named = [&world](const std::string& role)
+  { return "'" + role + "' (" + world.solver_of(role) + ")"; };
   if (!can("fluid", link::capability::link))
-    throw InputError("'fluid' (" + world.solver_of("fluid") +
-                     ") does not give free velocities (level B); every scheme needs a fluid that does");
-  if (scheme == "gc" && !can("solid", link::capability::link))
-    throw InputError("coupling.scheme = \"gc\" needs a solid that gives free velocities (level B), but " +
-                     solid + " only takes forces (level A); write coupling.scheme = \"staggered\"");
-  if (coupling.has_contact() &&
-      !(can("fluid", link::capability::contact) && can("solid", link::capability::contact)))
-    throw InputError(
-        "separation = true needs participants that exchange in the middle of the step (capability "
-        "\"contact\"), but 'fluid' is (" +
-        world.solver_of("fluid") + ") and " + solid + "; write separation = false");
-  if (scheme == "staggered" && !can("solid", link::capability::force_in))
-    throw InputError("coupling.scheme = \"staggered\" is for a solid that takes forces (level A), but " +
-                     solid + " gives free velocities (level B); write coupling.scheme = \"gc\"");
+    throw InputError(named("fluid") +
+                     " does not give free velocities (level B); every scheme needs a fluid that does");
+  for (const std::string& solid : coupling.solids)
+  {
+    if (scheme == "gc" && !can(solid, link::capability::link))
+      throw InputError("coupling.scheme = \"gc\" needs a solid that gives free velocities (level B), but " +
+                       named(solid) + " only takes forces (level A); write coupling.scheme = \"staggered\"");
+    if (coupling.has_contact() &&
+        !(can("fluid", link::capability::contact) && can(solid, link::capability::contact)))
+      throw InputError(
+          "separation = true needs participants that exchange in the middle of the step (capability "
+          "\"contact\"), but 'fluid' is (" +
+          world.solver_of("fluid") + ") and " + named(solid) + "; write separation = false");
+    if (scheme == "staggered" && !can(solid, link::capability::force_in))
+      throw InputError("coupling.scheme = \"staggered\" is for a solid that takes forces (level A), but " +
+                       named(solid) + " gives free velocities (level B); write coupling.scheme = \"gc\"");
+  }
 }
 
 ExitCode start(Launch& launch)
@@ -57,12 +59,21 @@ ExitCode start(Launch& launch)
                launch.run.t_end);
     return ExitCode::success;
   }
-  const link::World world = launch.meet({"fluid", "solid"});
+  std::vector<std::string> roles{"fluid"};
+  roles.insert(roles.end(), launch.coupling.solids.begin(), launch.coupling.solids.end());
+  const link::World world = launch.meet(roles);
   require_level(launch.coupling, world);
   const auto log = make_log(launch.output.dir, launch.role, false);
-  link::PartnerLink fluid(world.channel("fluid"), "fluid"), solid(world.channel("solid"), "solid");
-  log->info("case {}: fluid is '{}', solid is '{}'", launch.file.path(), world.solver_of("fluid"),
-            world.solver_of("solid"));
+  std::vector<link::PartnerLink> partners; // the fluid first
+  for (const std::string& role : roles)
+  {
+    partners.emplace_back(world.channel(role), role);
+    log->info("case {}: {} is '{}'", launch.file.path(), role, world.solver_of(role));
+  }
+  std::vector<link::PartnerLink*> of_solids;
+  for (std::size_t k = 1; k < partners.size(); ++k)
+    of_solids.push_back(&partners[k]);
+  coupler::Group fluid({&partners[0]}), solids(of_solids);
 
   coupler::CouplerConfig config{
       .run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
@@ -82,11 +93,8 @@ ExitCode start(Launch& launch)
                                 .output = [&](StateArchive& archive) { archive("output", output); }};
   try
   {
-    const auto run = launch.coupling.has_contact()    ? coupler::run_contact
-                     : launch.coupling.scheme == "gc" ? coupler::run_coupler
-                                                      : coupler::run_staggered;
-    const auto windows = run(
-        config, fluid, solid,
+    const auto windows = coupler::run(
+        config, fluid, solids,
         [&](const coupler::WindowRecord& r)
         {
           if (r.plan.t_end == r.plan.t_begin)
@@ -104,9 +112,9 @@ ExitCode start(Launch& launch)
           fmt::print(stderr, "warning: {}\n", text);
         });
     std::string reason = checkpoints.stop_reason();
-    for (const link::PartnerLink* p : {&fluid, &solid})
-      if (p->stop_requested())
-        reason = "'" + p->role() + "': " + p->stop_reason();
+    for (const link::PartnerLink& p : partners)
+      if (p.stop_requested())
+        reason = "'" + p.role() + "': " + p.stop_reason();
     const bool stopped = output.time() < launch.run.t_end;
     output.write_summary(stopped ? "stopped" : "completed");
     log->info("{} after {} windows, t = {:.9g} s{}", stopped ? "stopped" : "done", windows, output.time(),
@@ -118,8 +126,8 @@ ExitCode start(Launch& launch)
   }
   catch (const Failure& failure)
   {
-    fluid.send_failure(static_cast<int>(failure.code()), failure.what());
-    solid.send_failure(static_cast<int>(failure.code()), failure.what());
+    for (link::PartnerLink& p : partners)
+      p.send_failure(static_cast<int>(failure.code()), failure.what());
     throw;
   }
 }

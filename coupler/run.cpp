@@ -4,7 +4,7 @@
 #include "common/error.hpp"
 
 #include <algorithm>
-#include <span>
+#include <utility>
 
 namespace undine::coupler
 {
@@ -16,91 +16,38 @@ Vector as_vector(const std::vector<double>& v)
 
 std::vector<double> as_std(const Vector& v) { return {v.data(), v.data() + v.size()}; }
 
-link::Setup setup_of(const CouplerConfig& config)
+link::Setup setup_of(const CouplerConfig& config, const std::string& role, const std::string& scheme)
 {
   link::Setup setup{.dim = config.run.dim,
                     .t_begin = config.restart.empty() ? config.run.t_begin : config.t_start,
                     .t_end = config.run.t_end,
+                    .scheme = scheme,
                     .restart = config.restart};
   for (const auto& i : config.coupling.interfaces)
-    setup.interfaces.push_back(i.name);
+    if (role == "fluid" || role == i.body)
+      setup.interfaces.push_back(i.name);
   return setup;
 }
 
-std::pair<Interface, InterfaceOperator> exchange_surfaces(const CouplerConfig& config,
-                                                          const std::array<link::PartnerLink*, 2>& partner,
-                                                          const std::array<std::string, 2>& scheme)
+void send_setup(const CouplerConfig& config, Group& group, const std::string& scheme)
 {
-  link::Setup setup = setup_of(config);
-  for (const Side s : both_sides)
-  {
-    setup.scheme = scheme[s];
-    partner[s]->send_setup(setup);
-  }
-  auto fluid = partner[Side::fluid]->receive_mesh();
-  auto solid = partner[Side::solid]->receive_mesh();
-  Interface interface(config.coupling, std::move(fluid), std::move(solid));
-  try
-  {
-    InterfaceOperator H = interface.build();
-    return {std::move(interface), std::move(H)};
-  }
-  catch (const std::exception& error)
-  {
-    for (link::PartnerLink* p : partner)
-      p->reject_mesh(error.what());
-    throw;
-  }
+  for (link::PartnerLink* p : group.members())
+    p->send_setup(setup_of(config, p->role(), scheme));
 }
 
-bool frame_is_due(const CouplerConfig& config, const WindowPlanner::Plan& plan, std::int64_t frames)
+void accept_meshes(const Sides& side)
 {
-  return plan.last || (config.frame_interval > 0.0 &&
-                       plan.t_end >= config.run.t_begin +
-                                         static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
+  for (const Group* group : side)
+    for (link::PartnerLink* p : group->members())
+      p->accept_mesh();
 }
 
-bool renew_operator(Interface& interface, GravouilCombescure& gc,
-                    const std::array<link::PartnerLink*, 2>& partner,
-                    const std::array<link::Report, 2>& report)
+void reject_meshes(const Sides& side, const std::string& reason)
 {
-  for (const Side s : both_sides)
-    if (report[s].surface_changed)
-      interface.replace_surface(s, partner[s]->receive_mesh_update());
-    else
-      interface.move(s, gc.travel(s));
-  const bool replaced = report[Side::fluid].surface_changed || report[Side::solid].surface_changed;
-  if (replaced)
-  {
-    for (const Side s : both_sides)
-      interface.fix_positions(s);
-    gc.replace_operator(interface.build());
-  }
-  else if (interface.has_deformed())
-    gc.turn_operator(interface.build());
-  return replaced;
+  for (const Group* group : side)
+    for (link::PartnerLink* p : group->members())
+      p->reject_mesh(reason);
 }
-
-namespace
-{
-
-/// Compatible velocities and accelerations on both sides; see GravouilCombescure::activate.
-void activate(GravouilCombescure& gc, const std::array<link::PartnerLink*, 2>& partner)
-{
-  std::array<Vector, 2> v, a_free;
-  for (const Side s : both_sides)
-  {
-    const link::Kinematics k = partner[s]->receive_kinematics();
-    v[s] = as_vector(k.v);
-    a_free[s] = as_vector(k.a_free);
-  }
-  const auto start = gc.activate(v, a_free);
-  for (const Side s : both_sides)
-    partner[s]->send_activation(
-        {.impulse = as_std(start.impulse[s]), .link_force = as_std(start.link_force[s])});
-}
-
-} // namespace
 
 WindowRules rules_of(const CouplingConfig& coupling)
 {
@@ -113,126 +60,152 @@ WindowRules rules_of(const CouplingConfig& coupling)
   return rules;
 }
 
-CheckpointKeeper::CheckpointKeeper(const Persistence& persistence, std::array<link::PartnerLink*, 2> partner,
-                                   std::function<void(const std::string&)> say)
-    : persistence_(persistence), partner_(partner), say_(std::move(say))
+namespace
 {
-}
 
-void CheckpointKeeper::at_start(double t, const StateVisitor& state)
+/// The coupler's part of checkpoints: orders them from all participants at window ends.
+class CheckpointKeeper
 {
-  if (persistence_.checkpoints == nullptr)
-    return;
-  if (persistence_.restarts())
-    persistence_.checkpoints->continue_from(t);
-  else if (persistence_.checkpoints->wanted())
-    write(t, 0, state);
-}
-
-bool CheckpointKeeper::after_window(double t, std::int64_t windows, const StateVisitor& state)
-{
-  const bool asked = partner_[0]->stop_requested() || partner_[1]->stop_requested();
-  if (persistence_.checkpoints == nullptr)
-    return asked;
-  if (possible_ && (asked || persistence_.checkpoints->due(t)))
-    write(t, windows, state);
-  return asked || !persistence_.checkpoints->stop_reason().empty();
-}
-
-void CheckpointKeeper::write(double t, std::int64_t windows, const StateVisitor& state)
-{
-  const std::string folder = persistence_.checkpoints->begin();
-  const std::string id = folder.substr(folder.rfind('/') + 1);
-  for (link::PartnerLink* p : partner_)
-    p->send_checkpoint({.folder = folder, .id = id, .windows = windows, .t = t});
-  persistence_.save(folder, state);
-  std::vector<std::string> files{persistence_.file_name()};
-  for (link::PartnerLink* p : partner_)
+public:
+  /// `persistence.checkpoints` may be null: then there are none.
+  CheckpointKeeper(const Persistence& persistence, const Sides& side,
+                   std::function<void(const std::string&)> say, const StateVisitor& state)
+      : persistence_(persistence), side_(side), say_(std::move(say)), state_(state)
   {
-    const link::CheckpointDone done = p->receive_checkpoint_done();
-    if (!done.written)
-    {
-      possible_ = false;
-      if (say_)
-        say_("no checkpoints, so that a restart is not possible: '" + p->role() + "' says: " + done.reason);
-    }
-    files.insert(files.end(), done.files.begin(), done.files.end());
   }
-  if (possible_)
-    persistence_.checkpoints->finish(folder, t, windows, files);
-  else
-    persistence_.checkpoints->abandon(folder);
+
+  /// Before the first window: is the case's wish possible? Writes the state at the start, if checkpoints are
+  /// wanted.
+  void at_start(double t)
+  {
+    if (persistence_.checkpoints == nullptr)
+      return;
+    if (persistence_.restarts())
+      persistence_.checkpoints->continue_from(t);
+    else if (persistence_.checkpoints->wanted())
+      write(t, 0);
+  }
+
+  /// After a window. @returns true if the run shall stop, its state written if that is possible
+  bool after_window(double t, std::int64_t windows)
+  {
+    const bool asked = side_[0]->stop_requested() || side_[1]->stop_requested();
+    if (persistence_.checkpoints == nullptr)
+      return asked;
+    if (possible_ && (asked || persistence_.checkpoints->due(t)))
+      write(t, windows);
+    return asked || !persistence_.checkpoints->stop_reason().empty();
+  }
+
+private:
+  void write(double t, std::int64_t windows)
+  {
+    const std::string folder = persistence_.checkpoints->begin();
+    const std::string id = folder.substr(folder.rfind('/') + 1);
+    for (const Group* group : side_)
+      for (link::PartnerLink* p : group->members())
+        p->send_checkpoint({.folder = folder, .id = id, .windows = windows, .t = t});
+    persistence_.save(folder, state_);
+    std::vector<std::string> files{persistence_.file_name()};
+    for (const Group* group : side_)
+      for (link::PartnerLink* p : group->members())
+      {
+        const link::CheckpointDone done = p->receive_checkpoint_done();
+        if (!done.written)
+        {
+          possible_ = false;
+          if (say_)
+            say_("no checkpoints, so that a restart is not possible: '" + p->role() +
+                 "' says: " + done.reason);
+        }
+        files.insert(files.end(), done.files.begin(), done.files.end());
+      }
+    if (possible_)
+      persistence_.checkpoints->finish(folder, t, windows, files);
+    else
+      persistence_.checkpoints->abandon(folder);
+  }
+
+  const Persistence& persistence_;
+  Sides side_;
+  std::function<void(const std::string&)> say_;
+  const StateVisitor& state_;
+  bool possible_ = true;
+};
+
+std::unique_ptr<Scheme> meet(const CouplerConfig& config, const Sides& side)
+{
+  if (config.coupling.has_contact())
+    return meet_contact(config, side);
+  return config.coupling.scheme == "gc" ? meet_permanent(config, side) : meet_staggered(config, side);
 }
 
-std::int64_t run_coupler(const CouplerConfig& config, link::PartnerLink& fluid, link::PartnerLink& solid,
-                         const std::function<void(const WindowRecord&)>& after_window,
-                         const Persistence& persistence, const std::function<void(const std::string&)>& say)
+bool frame_is_due(const CouplerConfig& config, const WindowPlanner::Plan& plan, std::int64_t frames)
 {
-  const std::array<link::PartnerLink*, 2> partner{&fluid, &solid};
-  auto [interface, H] = exchange_surfaces(config, partner, {config.coupling.scheme, config.coupling.scheme});
-  for (link::PartnerLink* p : partner)
-    p->accept_mesh();
+  return plan.last || (config.frame_interval > 0.0 &&
+                       plan.t_end >= config.run.t_begin +
+                                         static_cast<double>(frames) * config.frame_interval * (1.0 - 1e-12));
+}
 
-  GravouilCombescure gc(std::move(H), config.run.dim);
-  WindowPlanner planner(rules_of(config.coupling), config.run.t_begin, config.run.t_end);
-  LinkedPartner fluid_partner(fluid), solid_partner(solid);
+} // namespace
+
+std::int64_t run(const CouplerConfig& config, Group& fluid, Group& solid,
+                 const std::function<void(const WindowRecord&)>& after_window, const Persistence& persistence,
+                 const std::function<void(const std::string&)>& say)
+{
+  const Sides side{&fluid, &solid};
+  const std::unique_ptr<Scheme> scheme = meet(config, side);
+  WindowPlanner planner(scheme->rules(), config.run.t_begin, config.run.t_end);
   std::array<link::Report, 2> report{fluid.receive_report(), solid.receive_report()};
-  bool start_compatibly = true;
   std::int64_t frames = 1, windows = 0;
   WindowPlanner::Plan plan{.t_begin = config.run.t_begin, .t_end = config.run.t_begin};
   const StateVisitor state = [&](StateArchive& archive)
   {
-    archive("interface", interface);
-    if (archive.reading())
-      gc.turn_operator(interface.build_again());
-    archive("gc", gc);
+    archive("scheme", *scheme);
     archive("planner", planner);
-    archive("start_compatibly", start_compatibly);
     archive("frames", frames);
     archive("windows", windows);
+  };
+  const auto record = [&]
+  {
+    after_window({plan, report[Side::fluid], report[Side::solid], scheme->balance(), scheme->interfaces(),
+                  scheme->solid_surface(), scheme->solid_force(), scheme->searches(), scheme->solves(),
+                  fluid.wait_seconds() + solid.wait_seconds()});
   };
   if (persistence.restarts())
     persistence.restore(state);
   else
-    after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
-                  gc.factorisations()});
-  CheckpointKeeper keeper(persistence, partner, say);
-  keeper.at_start(planner.time(), state);
+    record();
+  CheckpointKeeper keeper(persistence, side, say, state);
+  keeper.at_start(planner.time());
 
   while (!planner.finished())
   {
     plan = planner.next(report[Side::fluid].stable_dt, report[Side::solid].stable_dt);
-    const bool frame_due = frame_is_due(config, plan, frames);
-    frames += frame_due;
+    const bool frame = frame_is_due(config, plan, frames);
+    frames += frame;
     for (const Side s : both_sides)
-      partner[s]->send_window({.index = plan.index,
-                               .t_begin = plan.t_begin,
-                               .t_end = plan.t_end,
-                               .steps = s == plan.steps.fine ? plan.steps.m : 1,
-                               .fine = s == plan.steps.fine,
-                               .activate = start_compatibly,
-                               .output = frame_due,
-                               .last = plan.last});
-    if (start_compatibly)
-      activate(gc, partner);
-    start_compatibly = false;
-
-    gc.advance(plan.steps, fluid_partner, solid_partner);
+    {
+      const Scheme::Order order = scheme->order(s, plan);
+      side[s]->send_window({.index = plan.index,
+                            .t_begin = plan.t_begin,
+                            .t_end = plan.t_end,
+                            .steps = order.steps,
+                            .fine = order.fine,
+                            .activate = order.activate,
+                            .output = frame,
+                            .last = plan.last});
+    }
+    scheme->advance(plan);
     ++windows;
-
-    for (const Side s : both_sides)
-      report[s] = partner[s]->receive_report();
-    after_window({plan, report[Side::fluid], report[Side::solid], gc.balance(), interface.report(),
-                  interface.surface(Side::solid), gc.window_force(Side::solid), interface.builds(),
-                  gc.factorisations()});
-
-    start_compatibly = renew_operator(interface, gc, partner, report);
-    if (keeper.after_window(planner.time(), windows, state))
+    report = scheme->end_window();
+    record();
+    if (keeper.after_window(planner.time(), windows))
       break;
   }
-  for (link::PartnerLink* p : partner)
-    p->send_bye();
+  for (const Group* group : side)
+    for (link::PartnerLink* p : group->members())
+      p->send_bye();
   return windows;
 }
 

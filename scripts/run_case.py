@@ -93,11 +93,15 @@ def foreign_command(words, case, binaries):
 def mpirun_line(args, case, settings, programs, ranks, out):
     """The command line, as a list. One program on one rank needs no mpirun."""
     binaries, _ = places(args.build)
-    executable = {"coupler": "coupler", "fluid": "fluid_pfem", "solid": "solid_fe"}
-    commands = {p: [str(binaries / executable[p])] for p in programs}
-    foreign = [p for p in programs if p != "coupler" and settings[p].get("program")]
+    parts = case_file.parts(settings)
+    executable = {"coupler": "coupler", "fluid": "fluid_pfem"}
+    commands = {p: [str(binaries / executable.get(p, "solid_fe"))] for p in programs}
+    foreign = [p for p in parts if parts[p].get("program")]
     for p in foreign:
-        commands[p] = foreign_command(settings[p]["program"], case, binaries)
+        commands[p] = foreign_command(parts[p]["program"], case, binaries)
+    for p in programs if isinstance(settings.get("solid"), list) else ():
+        if p not in executable:
+            commands[p] += ["--name", p]
     common = [str(case), "--out", str(out)]
     for override in args.set:
         common += ["--set", override]
@@ -175,8 +179,10 @@ def check_all(lines, settings, environment):
     sys.stderr.write("".join(said))
     if code:
         return code if code in (2, 4) else 20
-    roles = {"fluid_pfem": "fluid", "solid_fe": "solid"}
-    errors, advice, estimate = advise.review(settings, {roles[Path(line[0]).name]: out for line, (_, out, _) in zip(lines, results) if Path(line[0]).name in roles})
+    def role(line):
+        return {"fluid_pfem": "fluid", "solid_fe": line[line.index("--name") + 1] if "--name" in line else "solid"}.get(Path(line[0]).name)
+
+    errors, advice, estimate = advise.review(settings, {role(line): out for line, (_, out, _) in zip(lines, results) if role(line)})
     for text in errors:
         print(f"error: {text}", file=sys.stderr)
     if errors:
@@ -191,18 +197,20 @@ def check_foreign(args, case, settings, programs, environment):
     """HELLO, MESH and an orderly run of each foreign program, by undine-conform. Returns the exit code."""
     binaries, _ = places(args.build)
     code = 0
-    for program in (p for p in programs if p != "coupler" and settings[p].get("program")):
-        command = foreign_command(settings[program]["program"], case, binaries)
+    parts = case_file.parts(settings)
+    for program in (p for p in programs if p != "coupler" and parts[p].get("program")):
+        command = foreign_command(parts[program]["program"], case, binaries)
         with tempfile.TemporaryDirectory(prefix="undine_check_") as out:
             (Path(out) / "history").mkdir()
             line = [str(binaries / "undine-conform"), "--role", program, "--dim", str(settings["run"].get("dimension", 2)), "--only", "rest"]
             for interface in settings.get("interface", []):
-                line += ["--interface", interface["name"]]
+                if program in ("fluid", interface.get("body", program)):
+                    line += ["--interface", interface["name"]]
             line += ["--", *command, str(case), "--out", out, *(word for override in args.set for word in ("--set", override))]
             result = subprocess.run(line, env=environment, capture_output=True, text=True)
         rules = re.findall(r"^  (pass|FAIL)\s+\S+\s+(.*)$", result.stdout, re.MULTILINE)
         broken = [rule for verdict, rule in rules if verdict == "FAIL"]
-        print(f"{program}: {' '.join(settings[program]['program'])}, a program of its own: hand-shake, surface and an orderly run keep "
+        print(f"{program}: {' '.join(parts[program]['program'])}, a program of its own: hand-shake, surface and an orderly run keep "
               f"{len(rules) - len(broken)} of {len(rules)} rules of docs/protocol.md")
         for rule in broken:
             print(f"error: {program}: {rule}; see undine-conform", file=sys.stderr)
@@ -272,8 +280,7 @@ def main():
     case = find_case(args.case)
     out = Path(args.out) if args.out else (Path() if INSTALLED else ROOT) / "runs" / case.resolve().parent.name
     settings = case_file.load(case, args.set + ([f"run.t_end={args.until}"] if args.until else []))
-    programs = [p for p in ("coupler", "fluid", "solid")
-                if (p == "coupler" and ("coupling" in settings or "interface" in settings)) or p in settings]
+    programs = ["coupler"] * ("coupling" in settings or "interface" in settings) + list(case_file.parts(settings))
     if not programs:
         stop(2, f"{case}: the case has neither [fluid] nor [solid]: write at least one of these tables (docs/case-file.md)")
     if "schema" in settings and "fluid" in settings and "solid" in settings and "coupler" not in programs:

@@ -90,7 +90,7 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
     auto summary = solid::summarise(solid, result);
     summary.set("status", status);
     summary.set("exit_code", static_cast<int>(code));
-    summary.write(launch.output.dir + "/solid.json");
+    summary.write(launch.output.dir + "/" + launch.role + ".json");
   };
   std::optional<link::SolverLink> coupler;
   if (coupled)
@@ -140,7 +140,11 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
 ExitCode start(Launch& launch)
 {
   const solid::SolidConfig config =
-      solid::read_solid_config(launch.file, launch.run.dim, launch.run.element_size());
+      solid::read_solid_config(launch.file, launch.run.dim, launch.run.element_size(), launch.role);
+  launch.output.part = launch.role;
+  std::erase_if(launch.probes, [&launch](const ProbeConfig& probe) { return probe.on != launch.role; });
+  for (ProbeConfig& probe : launch.probes)
+    probe.on = "solid";
   launch.file.reject_unknown_keys({"solid"});
   if (launch.line.document_keys)
   {

@@ -423,7 +423,7 @@ void read_contact(const CaseTable& solid, int dim, SolidConfig& config)
 
 } // namespace
 
-SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size)
+SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size, const std::string& name)
 {
   if (!file.has_table("solid"))
     throw InputError(file.path() + ": there is no [solid] table: add one, or leave out solid_fe");
@@ -431,6 +431,10 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   const auto n = static_cast<std::size_t>(dim);
   SolidConfig config;
   config.dim = dim;
+  solid.text({"name", "",
+              "of one of several [[solid]]: its role on the mpirun line (solid_fe case --name NAME) and in "
+              "[[interface]] body"},
+             name);
   solid.texts({"program", "",
                "command of another solid to be started by scripts/run instead of solid_fe, such as "
                "[\"python3\", \"my_solid.py\"]; empty: solid_fe"},
@@ -457,7 +461,7 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
   read_supports_and_loads(solid, dim, config);
   read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)
-    for (const auto& surface : interface.solid_surfaces)
+    for (const auto& surface : interface.body == name ? interface.solid_surfaces : std::vector<std::string>{})
       config.wet.push_back({interface.name, surface});
   return config;
 }

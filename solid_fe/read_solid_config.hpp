@@ -10,7 +10,9 @@ namespace undine::solid
 
 /// Read and validate everything the case says about the solid. `element_size` [m] is that of the run; the box
 /// gets elements of about size_factor times it unless the case counts them.
+/// Of several solids it reads the one that file.choose("solid", ...) took; `name` is that choice.
 /// @throws InputError with place, key, value and rule
-SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size);
+SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size,
+                              const std::string& name = "solid");
 
 } // namespace undine::solid

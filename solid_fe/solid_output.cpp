@@ -251,7 +251,7 @@ template <int dim>
 SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<ProbeConfig>& probes,
                               const Solid<dim>& solid)
     : energy_(
-          config.dir, "solid_energy",
+          config.dir, config.part + "_energy",
           std::string("energies and cumulated works of the solid") +
               (dim == 2 ? " per metre of thickness" : "") +
               "; balance = kinetic + strain + hourglass + plastic + viscous + contact - external - interface "
@@ -260,7 +260,7 @@ SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<Prob
            "plastic_work[J]", "viscous_work[J]", "contact[J]"})
 {
   if (config.frames)
-    frames_.emplace(config.dir, "solid");
+    frames_.emplace(config.dir, config.part);
   for (const auto& probe : probes)
     if (probe.on == "solid")
     {

@@ -364,6 +364,18 @@ void apply_override(Node& root, const std::string& path, const std::string& entr
       walked += "[" + word + "]";
       continue;
     }
+    const auto named = std::find_if(node->items.begin(), node->items.end(),
+                                    [&word](const Node& item)
+                                    {
+                                      const auto name = item.members.find("name");
+                                      return name != item.members.end() && name->second.text == word;
+                                    });
+    if (node->kind == Kind::array && named != node->items.end())
+    {
+      node = &*named;
+      walked += "[" + word + "]";
+      continue;
+    }
     if (node->kind == Kind::array)
       fail(6, equals,
            fmt::format("'{}' is a list: name the entry, for example {}.0.{}", walked, walked, word));
@@ -454,7 +466,8 @@ public:
   std::uint64_t hash = 0;
   Node root;
   std::vector<TableDescription> descriptions;
-  std::map<std::string, std::set<std::string>> known; ///< generic table path → names that were read
+  std::map<std::string, std::set<std::string>> known;    ///< generic table path → names that were read
+  std::map<std::string, std::vector<std::string>> names; ///< of the entries of a list, once one was chosen
 
   void describe_table(const std::string& table_path, std::string_view meaning)
   {
@@ -1110,6 +1123,59 @@ bool CaseFile::has_table(std::string_view name) const
   const auto found = document_->root.members.find(std::string(name));
   return found != document_->root.members.end() &&
          (found->second.kind == Kind::table || is_array_of_tables(found->second));
+}
+
+std::vector<std::string> CaseFile::names_of(std::string_view table) const
+{
+  const std::string list(table);
+  if (const auto chosen = document_->names.find(list); chosen != document_->names.end())
+    return chosen->second;
+  const Node* node = member_of(document_->root, table);
+  if (node == nullptr || !is_array_of_tables(*node))
+    return {list};
+  std::vector<std::string> names;
+  for (const Node& entry : node->items)
+  {
+    const Node* own = member_of(entry, "name");
+    if (own == nullptr && node->items.size() == 1)
+      return {list};
+    const std::string name = fmt::format("{}[{}].name", list, names.size());
+    if (own == nullptr)
+      document_->fail_at(entry.key_place,
+                         fmt::format("missing key '{}': one of several [[{}]] needs one", name, list));
+    const std::string bad =
+        own->kind != Kind::text || own->text.empty() || own->text.size() > 31 ||
+                own->text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
+                                            "UVWXYZ0123456789_-") != std::string::npos
+            ? "must be a word of at most 31 letters, digits, '_' and '-'"
+        : std::find(names.begin(), names.end(), own->text) != names.end() ? "another entry has this name"
+                                                                          : "";
+    if (!bad.empty())
+      document_->fail_at(own->place, fmt::format("{} = {}: {}", name, as_written(*own), bad));
+    names.push_back(own->text);
+  }
+  return names;
+}
+
+std::string CaseFile::choose(std::string_view table, const std::string& name) const
+{
+  const std::vector<std::string> names = names_of(table);
+  const auto found =
+      name.empty() && names.size() == 1 ? names.begin() : std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    throw InputError(
+        name.empty() ? fmt::format("command line: the case has several [[{}]]: say which with --name ({})",
+                                   table, fmt::join(names, ", "))
+                     : fmt::format("command line: --name {}: the case has no {} of this name; it has {}",
+                                   name, table, fmt::join(names, ", ")));
+  document_->names[std::string(table)] = names;
+  const auto list = document_->root.members.find(std::string(table));
+  if (list != document_->root.members.end() && is_array_of_tables(list->second))
+  {
+    Node entry = std::move(list->second.items[static_cast<std::size_t>(found - names.begin())]);
+    list->second = std::move(entry);
+  }
+  return *found;
 }
 
 void CaseFile::reject_unknown_keys(const std::vector<std::string>& read_here) const

@@ -104,6 +104,14 @@ public:
   std::vector<CaseTable> tables(std::string_view name, std::string_view meaning) const;
   bool has_table(std::string_view name) const;
 
+  /// Entries of [[table]] by their key `name`, in the order of the file; {table} where the case has one
+  /// [table], or one entry without a name. @throws InputError for an entry without a name among several, a
+  /// name twice, and one that is no word of letters, digits, '_' and '-' of at most 31 bytes
+  std::vector<std::string> names_of(std::string_view table) const;
+  /// Where the case has a list [[table]], go on with its entry `name` as if it were the only [table]. Empty:
+  /// with the only entry. @returns the name. @throws InputError for an unknown name, or none among several
+  std::string choose(std::string_view table, const std::string& name) const;
+
   /// Reject every key that nobody has read in the tables `read_here` (and their sub-tables), and every
   /// top-level table that is none of Undine's (run fluid solid coupling interface probe output checkpoint
   /// reference).

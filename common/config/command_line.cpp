@@ -48,6 +48,8 @@ CommandLine parse_command_line(std::string_view role, int argc, const char* cons
   app.add_flag("--verbose", line.verbose, "log more");
   app.add_flag("--document-keys", line.document_keys, "print the keys of the case file as Markdown");
   if (role == "solid")
+    app.add_option("--name", line.name, "which [[solid]] of the case; not needed where there is only one");
+  if (role == "solid")
     app.add_option("--modes", line.modes, "print this many natural frequencies of the solid and end")
         ->check(CLI::PositiveNumber);
   app.add_flag("--version", version, "print the version");

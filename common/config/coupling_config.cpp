@@ -1,6 +1,8 @@
 // Reader of [coupling] and [[interface]].
 #include "common/config/coupling_config.hpp"
 
+#include "common/error.hpp"
+
 namespace undine
 {
 
@@ -8,6 +10,10 @@ CouplingConfig read_coupling(const CaseFile& file)
 {
   CouplingConfig config;
   config.present = file.has_table("coupling") || file.has_table("interface");
+  config.solids = file.names_of("solid");
+  for (const std::string& name : config.solids)
+    if (name == "fluid" || name == "coupler")
+      throw InputError("solid.name = \"" + name + "\": another program has this role; choose another name");
   for (const CaseTable& t :
        file.tables("interface", "A pair of surfaces through which fluid and solid act on each other."))
   {
@@ -20,6 +26,10 @@ CouplingConfig read_coupling(const CaseFile& file)
         t.is_text("solid") || !t.has("solid") ? std::vector{t.text(solid)} : t.texts(solid, {});
     for (const auto& surface : i.solid_surfaces)
       i.solid += (i.solid.empty() ? "" : ", ") + surface;
+    const Key body{"body", "",
+                   "name of the [[solid]] that the surface belongs to; needed where there are several"};
+    i.body = config.solids.size() == 1 ? t.choice(body, config.solids[0], config.solids)
+                                       : t.choice(body, config.solids);
     i.kind = t.choice({"kind", "", "slip: only the normal velocity is continuous; no_slip: all of it"},
                       "slip", {"slip", "no_slip"});
     i.separation =
@@ -74,6 +84,10 @@ CouplingConfig read_coupling(const CaseFile& file)
       {"stall_timeout", "s", "a program may be silent for that long; 0: for ever"}, 300.0, non_negative());
   if (config.present && config.interfaces.empty())
     t.fail("", "a coupled case needs at least one [[interface]] with name, fluid and solid");
+  for (const std::string& solid : config.solids)
+    if (config.present && std::none_of(config.interfaces.begin(), config.interfaces.end(),
+                                       [&solid](const auto& i) { return i.body == solid; }))
+      t.fail("", "the solid '" + solid + "' has no [[interface]]: write one with body = \"" + solid + "\"");
   return config;
 }
 

@@ -23,12 +23,14 @@ struct InterfaceConfig
   bool separation;                              ///< the fluid may leave the solid
   std::string multiplier;                       ///< "finer" | "fluid" | "solid"
   std::vector<std::string> solid_surfaces = {}; ///< `solid`, one by one
+  std::string body = "solid";                   ///< name of the solid they belong to
 };
 
 struct CouplingConfig
 {
   bool present = false; ///< the case couples: a [coupling] table or an [[interface]] is written
   std::vector<InterfaceConfig> interfaces;
+  std::vector<std::string> solids = {"solid"}; ///< names, each the role of a program
   std::string scheme = "gc";
   std::string fine = "auto";            ///< "auto" | "fluid" | "solid"
   std::optional<std::int64_t> substeps; ///< nothing: "auto"

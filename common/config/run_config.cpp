@@ -61,13 +61,18 @@ CheckpointConfig read_checkpoint_config(const CaseFile& file)
 std::vector<ProbeConfig> read_probe_configs(const CaseFile& file, int dim)
 {
   std::vector<ProbeConfig> probes;
+  std::vector<std::string> parts{"fluid", "interface"};
+  for (const std::string& solid : file.names_of("solid"))
+    parts.insert(parts.end() - 1, solid);
   for (const CaseTable& table : file.tables("probe", "A history at a point or over a named surface."))
   {
     ProbeConfig probe;
     probe.name = table.text({"name", "", "name of the file history/<name>.csv"});
     probe.on = table.choice(
-        {"on", "", "side that is measured; interface: pressure of the link on the solid's surface"},
-        {"fluid", "solid", "interface"});
+        {"on", "",
+         "side that is measured, one of several solids by its name; interface: pressure of the link on the "
+         "solid's surface"},
+        parts);
     probe.surface = table.text({"surface", "", "named surface over which the mean is taken"}, "");
     probe.relative_to =
         table.numbers({"relative_to", "m",

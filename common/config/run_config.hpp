@@ -30,6 +30,7 @@ struct RunConfig
 struct OutputConfig
 {
   std::string dir;                 ///< output folder, from the command line
+  std::string part = "solid";      ///< of the solid's files: its name
   double frame_interval = 0.0;     ///< time between field frames [s]; 0: the first and the last only
   double history_interval = 0.0;   ///< time between rows of a history [s]; 0: every window or step
   bool frames = true;              ///< write field frames at all
@@ -50,7 +51,7 @@ struct CheckpointConfig
 struct ProbeConfig
 {
   std::string name;          ///< of the CSV file
-  std::string on;            ///< "fluid" or "solid"
+  std::string on;            ///< "fluid", "interface" or the name of a solid
   std::vector<double> point; ///< dim coordinates [m]; empty if the probe is on a surface
   std::vector<double>
       relative_to;     ///< solid: another material point whose u, v and a are subtracted [m]; may be empty

@@ -49,7 +49,7 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
 {
   link::World world =
       link::World::connect({.role = role,
-                            .solver = "undine " + role + " " UNDINE_VERSION,
+                            .solver = "undine " + program + " " UNDINE_VERSION,
                             .dim = run.dim,
                             .case_hash = file.hash(),
                             .partners = partners,
@@ -74,8 +74,10 @@ std::string Launch::restart_warning() const
          "longer the same run";
 }
 
-int run_program(const std::string& role, int argc, char** argv, const std::function<ExitCode(Launch&)>& body)
+int run_program(const std::string& program, int argc, char** argv,
+                const std::function<ExitCode(Launch&)>& body)
 {
+  std::string role = program;
   CommandLine line;
   std::optional<CaseFile> file;
   std::exception_ptr mistake; // reported once MPI runs: then all programs of the line end together
@@ -86,6 +88,8 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
     if (line.answer.empty())
     {
       file.emplace(CaseFile::read(line.case_path, line.overrides));
+      if (program == "solid")
+        role = file->choose("solid", line.name);
       start_limit = read_coupling(*file).hello_timeout;
     }
   }
@@ -116,7 +120,8 @@ int run_program(const std::string& role, int argc, char** argv, const std::funct
     if (mistake)
       std::rethrow_exception(mistake);
     const RunConfig run = read_run_config(*file);
-    Launch launch{.role = role,
+    Launch launch{.program = program,
+                  .role = role,
                   .line = line,
                   .file = *file,
                   .run = run,

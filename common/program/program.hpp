@@ -20,7 +20,8 @@ namespace undine
 /// What a program knows before it meets the others.
 struct Launch
 {
-  std::string role; ///< "coupler", "fluid", "solid"
+  std::string program; ///< "coupler", "fluid", "solid"
+  std::string role;    ///< "coupler", "fluid", "solid" or the name of one of several solids
   CommandLine line;
   CaseFile file;
   RunConfig run;
@@ -40,12 +41,14 @@ struct Launch
   link::World meet(const std::vector<std::string>& partners) const;
 };
 
+/// `program` is "coupler", "fluid" or "solid".
 /// Start MPI, read the command line and the case's common tables, run `body`, and turn every failure into one
 /// message, FAILED.toml and its exit code; programs of the same mpirun line end together. Reports unknown
 /// keys of the tables all programs share.
 /// SIGUSR1, SIGTERM and SIGINT are remembered (common/io/stop_signal.hpp); `body` ends the run in order and
 /// returns ExitCode::stopped.
 /// @returns the exit code of the process
-int run_program(const std::string& role, int argc, char** argv, const std::function<ExitCode(Launch&)>& body);
+int run_program(const std::string& program, int argc, char** argv,
+                const std::function<ExitCode(Launch&)>& body);
 
 } // namespace undine

@@ -5,7 +5,7 @@
 import math
 import re
 
-from .case import value_of
+from .case import by_part, parts, value_of
 
 # Upper figures per node and step, remeshing included (docs/benchmarks); an estimate, not a promise.
 SECONDS_PER_NODE_STEP = {("fluid", 2): 1.5e-7, ("fluid", 3): 1.0e-6, ("solid", 2): 1.0e-7, ("solid", 3): 2.5e-7}
@@ -28,10 +28,13 @@ def facts_of(text):
 
 
 def review(settings, said):
-    """`said`: {"fluid": text, "solid": text}. Returns (errors, advice, estimate lines)."""
+    """`said`: {role: text}. Returns (errors, advice, estimate lines)."""
+    solids = [role for role in parts(settings) if role != "fluid"] or ["solid"]
+    settings = by_part(settings)
     facts = {program: facts_of(text) for program, text in said.items()}
-    errors = geometry_errors(settings, facts) + time_errors(settings, facts)
-    return errors, unit_advice(settings) + physics_advice(settings, facts), estimate(settings, facts)
+    errors = [error for solid in solids for error in geometry_errors(settings, facts, solid)] + time_errors(settings, facts)
+    advice = [text for solid in solids for text in unit_advice(settings, solid) + physics_advice(settings, facts, solid)]
+    return errors, list(dict.fromkeys(advice)), estimate(settings, facts)
 
 
 def element_size(settings, part):
@@ -55,28 +58,28 @@ def box_of(settings, part):
     return [list(map(float, origin)), [o + s for o, s in zip(origin, size)]]
 
 
-def geometry_errors(settings, facts):
+def geometry_errors(settings, facts, name):
     errors = []
-    fluid, solid = box_of(settings, "fluid"), box_of(settings, "solid")
-    h = max(element_size(settings, "fluid") or 0.0, element_size(settings, "solid") or 0.0)
+    fluid, solid = box_of(settings, "fluid"), box_of(settings, name)
+    h = max(element_size(settings, "fluid") or 0.0, element_size(settings, name) or 0.0)
     if fluid and solid and settings.get("interface"):
         common = [min(f1, s1) - max(f0, s0) for f0, f1, s0, s1 in zip(fluid[0], fluid[1], solid[0], solid[1])]
         if all(c > 0.5 * h for c in common):
             errors.append(f"fluid and solid overlap over {' x '.join(f'{c:.4g}' for c in common)} m: the box of the fluid reaches from {place(fluid[0])} to "
-                          f"{place(fluid[1])} m, that of the solid from {place(solid[0])} to {place(solid[1])} m. Change fluid.origin, solid.origin or the sizes (all in metres)")
+                          f"{place(fluid[1])} m, that of the solid from {place(solid[0])} to {place(solid[1])} m. Change fluid.origin, {name}.origin or the sizes (all in metres)")
         else:
-            for interface in settings["interface"]:
+            for interface in (i for i in settings["interface"] if i.get("body", name) == name):
                 ends = [SIDES.get(interface.get(part)) if isinstance(interface.get(part), str) else None for part in ("fluid", "solid")]
                 if all(ends) and not interface.get("separation"):
                     (axis, end), (other, other_end) = ends
                     if axis == other and axis < len(fluid[0]) and abs(fluid[end][axis] - solid[other_end][axis]) > 0.5 * h:
                         a, b = fluid[end][axis], solid[other_end][axis]
                         errors.append(f"interface \"{interface.get('name')}\": the surfaces are {abs(a - b):.4g} m apart: {'xyz'[axis]} = {a:g} m is the fluid's {interface['fluid']}, "
-                                      f"{b:g} m the solid's {interface['solid']}; they must touch. Change fluid.origin or solid.origin")
+                                      f"{b:g} m the solid's {interface['solid']}; they must touch. Change fluid.origin or {name}.origin")
     for k, probe in enumerate(settings.get("probe", [])):
         box, point = facts.get(probe.get("on"), {}).get("box"), probe.get("point")
-        if probe.get("on") == "solid" and box and isinstance(point, list) and len(point) == len(box[0]):
-            h = element_size(settings, "solid") or 0.0
+        if probe.get("on") == name and box and isinstance(point, list) and len(point) == len(box[0]):
+            h = element_size(settings, name) or 0.0
             if any(p < low - h or p > high + h for p, low, high in zip(point, *box)):
                 errors.append(f"probe[{k}].point = {point}: lies outside the solid, which reaches from {place(box[0])} to {place(box[1])} m; probe \"{probe.get('name')}\" would follow "
                               "a node far away")
@@ -96,7 +99,7 @@ def time_errors(settings, facts):
     return []
 
 
-def unit_advice(settings):
+def unit_advice(settings, solid):
     """Numbers whose size tells of other units than SI."""
     advice = []
 
@@ -107,19 +110,19 @@ def unit_advice(settings):
         if number(value) is not None and test(float(value)):
             advice.append(f"{key} = {value:g}: {text}")
 
-    real = "solid" not in settings or "fluid" in settings  # a solid alone may be without units, as a benchmark is
+    real = solid not in settings or "fluid" in settings  # a solid alone may be without units, as a benchmark is
     if not real:
         return advice
-    for part in ("fluid", "solid"):
+    for part in ("fluid", solid):
         doubt(f"{part}.density", lambda v: 0.0 < v < 30.0, "is that g/cm3 (water: 1)? Densities are in kg/m^3 (water: 1000)")
         doubt(f"{part}.gravity", lambda v: v > 1000.0, "is that mm/s2? Accelerations are in m/s^2 (9.81)")
-    doubt("solid.youngs_modulus", lambda v: v < 1e3, "is that GPa or MPa? Stresses are in Pa (rubber 1e6, steel 2.1e11)")
+    doubt(f"{solid}.youngs_modulus", lambda v: v < 1e3, "is that GPa or MPa? Stresses are in Pa (rubber 1e6, steel 2.1e11)")
     doubt("fluid.bulk_modulus", lambda v: v < 1e3, "is that GPa or MPa? Stresses are in Pa (water 2.2e9)")
     doubt("fluid.viscosity", lambda v: 0.8 <= v <= 1.6 and 500.0 < (number(value_of(settings, "fluid.density")) or 0.0) < 1500.0,
           "is that mPa s (cP), as water has it at 5 to 30 degrees? Viscosities are in Pa s; water has 1e-3, glycerine 1.4")
-    f, s = value_of(settings, "fluid.gravity"), value_of(settings, "solid.gravity")
+    f, s = value_of(settings, "fluid.gravity"), value_of(settings, f"{solid}.gravity")
     if settings.get("interface") and isinstance(f, list) and isinstance(s, list) and f != s:
-        advice.append(f"solid.gravity = {s} differs from fluid.gravity = {f}: is that wanted?")
+        advice.append(f"{solid}.gravity = {s} differs from fluid.gravity = {f}: is that wanted?")
     return advice
 
 
@@ -134,9 +137,9 @@ def sound_speed(settings):
     return math.sqrt((gamma or 7.0) * K / rho if value_of(settings, "fluid.tait_reading") == "K" else K / rho), "fluid.bulk_modulus"
 
 
-def physics_advice(settings, facts):
+def physics_advice(settings, facts, name):
     advice = []
-    fluid, solid = settings.get("fluid", {}), settings.get("solid", {})
+    fluid, solid = settings.get("fluid", {}), settings.get(name, {})
     c, key = sound_speed(settings)
     gravity = fluid.get("gravity", [])
     if c and fluid.get("height"):
@@ -147,13 +150,13 @@ def physics_advice(settings, facts):
             advice.append(f"{key} = {fluid[key.split('.')[1]]:g}: sound of {c:.4g} m/s is too slow for flow of {fast:.3g} m/s, the fluid would be compressed by "
                           f"{100.0 * min(1.0, (fast / c) ** 2):.0f} %; make it at least {10.0 * fast:.3g} m/s, ten times that speed"
                           + ("" if key == "fluid.sound_speed" else f" (or write fluid.sound_speed = {10.0 * fast:.3g})"))
-    box, h = box_of(settings, "solid"), element_size(settings, "solid")
+    box, h = box_of(settings, name), element_size(settings, name)
     if box and h and settings.get("interface") and not solid.get("elements"):
         thin = min(b - a for a, b in zip(*box))
         if round(thin / h) < 2:
             advice.append(f"run.resolution = {value_of(settings, 'run.resolution'):g}: gives {max(1, round(thin / h))} elements over the thinnest part of the solid ({thin:.4g} m): bending needs at "
                           "least 2, better 4; raise run.resolution, lower solid.size_factor, or write solid.formulation = \"locking_free\"")
-    steps = [facts.get(part, {}).get("step") for part in ("fluid", "solid")]
+    steps = [facts.get(part, {}).get("step") for part in ("fluid", name)]
     if all(steps) and settings.get("interface"):
         ratio, most = max(steps) / min(steps), value_of(settings, "coupling.substeps_max") or 300
         fast = "fluid" if steps[0] < steps[1] else "solid"
@@ -171,7 +174,7 @@ def physics_advice(settings, facts):
 def costs(settings, facts):
     """(program, steps, nodes, seconds of computing)."""
     t_end, dim = number(value_of(settings, "run.t_end")), int(value_of(settings, "run.dimension") or 2)
-    return [(program, t_end / f["step"], f["nodes"], t_end / f["step"] * f["nodes"] * SECONDS_PER_NODE_STEP[program, dim])
+    return [(program, t_end / f["step"], f["nodes"], t_end / f["step"] * f["nodes"] * SECONDS_PER_NODE_STEP["fluid" if program == "fluid" else "solid", dim])
             for program, f in facts.items() if t_end and f.get("step") and f.get("nodes")]
 
 

@@ -21,7 +21,8 @@ def load(path, overrides=()):
         *path_to, last = key.strip().split(".")
         for name in path_to:
             if isinstance(table, list):
-                table = table[int(name)] if name.isdigit() and int(name) < len(table) else {}
+                named = next((entry for entry in table if isinstance(entry, dict) and entry.get("name") == name), {})
+                table = table[int(name)] if name.isdigit() and int(name) < len(table) else named
             else:
                 table = table.setdefault(name, {})
         if isinstance(table, dict):
@@ -34,3 +35,17 @@ def value_of(settings, dotted):
     for name in dotted.split("."):
         settings = settings.get(name) if isinstance(settings, dict) else None
     return settings
+
+
+def parts(settings):
+    """{role: table} of what is coupled: "fluid", and "solid" or the names of several [[solid]]."""
+    found = {"fluid": settings["fluid"]} if "fluid" in settings else {}
+    tables = settings.get("solid", [])
+    if isinstance(tables, dict):
+        return {**found, "solid": tables}
+    return {**found, **{table.get("name", "solid"): table for table in tables}}
+
+
+def by_part(settings):
+    """The case with each of several [[solid]] as a table of its own name."""
+    return {**{key: table for key, table in settings.items() if key != "solid"}, **parts(settings)}

@@ -1,4 +1,4 @@
-"""Field frames of a run: fluid.h5 and solid.h5, read frame by frame, also while the run goes on or after a kill."""
+"""Field frames of a run: fluid.h5 and one file per solid, read frame by frame, also while the run goes on or after a kill."""
 from dataclasses import dataclass
 
 import h5py
@@ -122,15 +122,13 @@ def split_cells(cells, flat):
 
 
 def open_parts(out):
-    """{"fluid": Frames, "solid": Frames} of what the folder holds; programs that are not ours may write no frames."""
+    """{"fluid": Frames, "solid": Frames} of what the folder holds, solids by name; programs that are not ours may write no frames."""
     parts = {}
-    for part in ("fluid", "solid"):
-        path = out / f"{part}.h5"
-        if path.is_file():
-            try:
-                frames = Frames(path)
-            except (OSError, KeyError):
-                continue
-            if len(frames):
-                parts[part] = frames
+    for path in sorted(out.glob("*.h5"), key=lambda path: (path.stem != "fluid", path.stem)):
+        try:
+            frames = Frames(path)
+        except (OSError, KeyError):
+            continue
+        if len(frames):
+            parts[path.stem] = frames
     return parts

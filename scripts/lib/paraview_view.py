@@ -25,7 +25,7 @@ for part, (field, low, high) in PARTS.items():
     shown = Show(reader, view, "UnstructuredGridRepresentation")  # noqa: F405
     ColorBy(shown, ("CELLS" if on_cells else "POINTS", field))  # noqa: F405
     colours = GetColorTransferFunction(field)  # noqa: F405
-    colours.ApplyPreset("Inferno (matplotlib)" if part == "solid" else "Viridis (matplotlib)", True)
+    colours.ApplyPreset("Viridis (matplotlib)" if part == "fluid" else "Inferno (matplotlib)", True)
     colours.RescaleTransferFunction(low, high)
     shown.SetScalarBarVisibility(view, True)
     bar = GetScalarBar(colours, view)  # noqa: F405

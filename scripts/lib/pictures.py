@@ -34,7 +34,7 @@ class Picture:
                     wanted = None  # a field of the other part
                 else:
                     raise SystemExit(f"error: --field {wanted}: {frames.path} has {', '.join(sorted(known))}")
-            name = wanted or next((n for n in (DEFAULT_FIELD[part], *FALLBACK) if n in known), None)
+            name = wanted or next((n for n in (DEFAULT_FIELD["fluid" if part == "fluid" else "solid"], *FALLBACK) if n in known), None)
             if name is None:
                 continue
             self.fields[part], self.units[part] = name, first[part].units[name]
@@ -91,7 +91,7 @@ class Picture:
         for part, frame, seen, triangles, values in layers:
             if len(triangles):
                 ax.tripcolor(seen[:, 0], seen[:, 1], triangles, values, shading="gouraud", norm=mappables[part].norm, cmap=mappables[part].cmap)
-            ax.add_collection(LineCollection(seen[frame.outline()][:, :, :2], colors="black" if part == "solid" else "midnightblue", linewidths=0.5))
+            ax.add_collection(LineCollection(seen[frame.outline()][:, :, :2], colors="midnightblue" if part == "fluid" else "black", linewidths=0.5))
             drops = frame.lone_nodes()
             ax.scatter(seen[drops, 0], seen[drops, 1], s=1.0, c=values[drops], norm=mappables[part].norm, cmap=mappables[part].cmap)
 

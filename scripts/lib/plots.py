@@ -63,7 +63,8 @@ def draw_probes(settings, out):
 
 def draw_energy(out):
     """The energy ledger of the run, whichever programs wrote one."""
-    path = next((p for p in (out / "history" / f"{name}.csv" for name in ("energy", "fluid_energy", "solid_energy")) if p.is_file()), None)
+    ledgers = {p.stem: p for p in (out / "history").glob("*energy.csv")}
+    path = next((ledgers[name] for name in ("energy", "fluid_energy", *sorted(ledgers)) if name in ledgers), None)
     if path is None:
         return
     table = compare.read_csv(path)

@@ -3,6 +3,7 @@ import base64
 import html
 from pathlib import Path
 
+from . import case as case_file
 from . import compare
 
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}h1{margin-bottom:0}h2{margin-top:2.2rem;border-bottom:1px solid #ccc}
@@ -26,7 +27,7 @@ def write(case, settings, out, summary, line=""):
         parts += ["<h2>Pictures</h2>", *map(image, moving + still)]
     parts += ["<h2>Ledgers</h2>", conservation(summary.get("conservation", {}))]
     parts += [image(p) for p in plots if p.stem == "energy"] + ledgers(out)
-    parts += ["<h2>Time</h2>", programs(summary)]
+    parts += ["<h2>Time</h2>", programs(summary, ("coupler", *case_file.parts(settings)))]
     parts += ["<h2>Parameters</h2>", f"<p><small>{html.escape(str(case))}, overrides applied</small></p>", parameters(settings)]
     page = (f"<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>{html.escape(out.name)}: Undine</title><style>{STYLE}</style>"
             f"<body>{''.join(parts)}</body></html>\n")
@@ -76,10 +77,10 @@ def ledgers(out):
     return result
 
 
-def programs(summary):
+def programs(summary, names):
     """One row and one bar per program: what it computed and what it waited."""
     body = []
-    for name in ("coupler", "fluid", "solid"):
+    for name in names:
         part = summary.get(name)
         if not part:
             continue

@@ -1,56 +1,15 @@
 // A beam between two elastic blocks, wet on both faces: solids on both sides of the coupler.
-#include "coupler/run.hpp"
-#include "solid_fe/run.hpp"
-#include "solid_fe/solid.hpp"
+#include "tests/coupled/in_memory.hpp"
 
 #include <catch2/catch.hpp>
 
 #include <algorithm>
-#include <exception>
-#include <thread>
 
 using namespace undine;
+using namespace undine::test;
 
 namespace
 {
-
-/// Run `first` where the coupler expects the fluid: to it both are lumped masses behind a surface.
-void run_in_memory(solid::Solid<2>& first, solid::Solid<2>& second, const coupler::CouplerConfig& config,
-                   const std::function<void(const coupler::WindowRecord&)>& after_window)
-{
-  auto [coupler_to_first, first_to_coupler] = link::memory_channel(60.0);
-  auto [coupler_to_second, second_to_coupler] = link::memory_channel(60.0);
-  std::exception_ptr error;
-  const auto side = [&error](solid::Solid<2>& solid, std::unique_ptr<link::Channel> channel)
-  {
-    try
-    {
-      link::SolverLink link(std::move(channel));
-      solid::run_coupled<2>(solid, link, {}, nullptr);
-    }
-    catch (...)
-    {
-      error = std::current_exception();
-    }
-  };
-  std::thread a(side, std::ref(first), std::move(first_to_coupler));
-  std::thread b(side, std::ref(second), std::move(second_to_coupler));
-  try
-  {
-    link::PartnerLink fluid_partner(std::move(coupler_to_first), "fluid"),
-        solid_partner(std::move(coupler_to_second), "solid");
-    coupler::run_coupler(config, fluid_partner, solid_partner, after_window);
-  }
-  catch (...)
-  {
-    if (!error)
-      error = std::current_exception();
-  }
-  a.join();
-  b.join();
-  if (error)
-    std::rethrow_exception(error);
-}
 
 /// Δt²/8 a·M a: what the scheme's conserved energy is less than the plain one. The angular acceleration of a
 /// fibre shows as the difference of its ends'.

@@ -110,34 +110,34 @@ Outcome run(const Column& c)
   }
   Outcome out;
   double largest_kinetic = 0.0, at_start = 0.0;
-  run_in_memory<dim>(fluid, solid, config,
-                     [&](const coupler::WindowRecord& r)
-                     {
-                       out.t.push_back(r.plan.t_end);
-                       out.u.push_back(solid.nodes().u[static_cast<std::size_t>(tip)][1]);
-                       for (const auto& v : fluid.nodes().v)
-                       {
-                         out.fastest_along = std::max(out.fastest_along, std::abs(v[1]));
-                         for (int i = 0; i < dim; i += 2)
-                           out.fastest_across = std::max(out.fastest_across, std::abs(v[i]));
-                       }
-                       if (r.plan.t_end < 0.5 * c.t_end)
-                         out.across_early = out.fastest_across;
-                       const double total = r.fluid.kinetic_energy + r.fluid.internal_energy -
-                                            r.fluid.external_work + r.solid.kinetic_energy +
-                                            r.solid.internal_energy - r.solid.external_work;
-                       if (out.t.size() == 1)
-                         at_start = total;
-                       largest_kinetic =
-                           std::max(largest_kinetic, r.fluid.kinetic_energy + r.solid.kinetic_energy);
-                       out.energy_change = total - at_start;
-                       out.energy_gain = std::max(out.energy_gain, total - at_start);
-                       out.substeps = std::max(out.substeps, r.plan.steps.m);
-                       out.fine = r.plan.steps.fine;
-                       out.windows = r.plan.index + 1;
-                       out.largest_gap = std::max(out.largest_gap, r.balance.displacement_gap);
-                       out.operator_builds = r.searches;
-                     });
+  run_in_memory(fluid, solid, config,
+                [&](const coupler::WindowRecord& r)
+                {
+                  out.t.push_back(r.plan.t_end);
+                  out.u.push_back(solid.nodes().u[static_cast<std::size_t>(tip)][1]);
+                  for (const auto& v : fluid.nodes().v)
+                  {
+                    out.fastest_along = std::max(out.fastest_along, std::abs(v[1]));
+                    for (int i = 0; i < dim; i += 2)
+                      out.fastest_across = std::max(out.fastest_across, std::abs(v[i]));
+                  }
+                  if (r.plan.t_end < 0.5 * c.t_end)
+                    out.across_early = out.fastest_across;
+                  const double total = r.fluid.kinetic_energy + r.fluid.internal_energy -
+                                       r.fluid.external_work + r.solid.kinetic_energy +
+                                       r.solid.internal_energy - r.solid.external_work;
+                  if (out.t.size() == 1)
+                    at_start = total;
+                  largest_kinetic =
+                      std::max(largest_kinetic, r.fluid.kinetic_energy + r.solid.kinetic_energy);
+                  out.energy_change = total - at_start;
+                  out.energy_gain = std::max(out.energy_gain, total - at_start);
+                  out.substeps = std::max(out.substeps, r.plan.steps.m);
+                  out.fine = r.plan.steps.fine;
+                  out.windows = r.plan.index + 1;
+                  out.largest_gap = std::max(out.largest_gap, r.balance.displacement_gap);
+                  out.operator_builds = r.searches;
+                });
   out.energy_change /= largest_kinetic;
   out.energy_gain /= largest_kinetic;
   return out;
