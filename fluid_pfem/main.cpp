@@ -54,7 +54,15 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   if (coupled)
   {
     link::SolverLink link(world.channel("coupler"));
-    fluid::run_coupled<dim>(fluid, link, observe, persistence);
+    try
+    {
+      fluid::run_coupled<dim>(fluid, link, observe, persistence);
+    }
+    catch (const Failure& failure)
+    {
+      link.send_failure(static_cast<int>(failure.code()), failure.what());
+      throw;
+    }
     wait = link.wait_seconds();
   }
   else

@@ -193,6 +193,28 @@ def check_all(lines, settings, environment):
     return 0
 
 
+def check_meeting(args, case, settings, programs, ranks, environment):
+    """Start all programs for one window of next to no time, in a folder of its own: they must find each other, and the coupler integrates
+    the interfaces at t = 0; what it says about their overlap and gap is printed (not where contact opens and closes). Returns the exit code."""
+    if "coupler" not in programs:
+        return 0
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="undine_meet_") as out:
+        (Path(out) / "history").mkdir()
+        start = argparse.Namespace(**{**vars(args), "check": False, "restart": None, "until": f"{1e-12 * float(settings['run']['t_end']):.3g}"})
+        line = mpirun_line(start, case, settings, programs, ranks, out)[0]
+        result = subprocess.run(line, env=environment, capture_output=True, text=True)
+        log = Path(out) / "coupler.log"
+        contact = {interface["name"] for interface in settings.get("interface", []) if interface.get("separation")}
+        said = [text for text, name in re.findall(r"info: (interface '(.*?)': .*)", log.read_text()) if name not in contact] if log.is_file() else []
+    if result.returncode != 0:
+        errors = [text for text in result.stderr.split("\n") if text.startswith(("error: ", "       "))]
+        print("\n".join(errors) or result.stderr, file=sys.stderr)
+        return 20
+    print("\n".join([f"met: {len(programs)} programs, one window, in {time.monotonic() - begin:.1f} s", *said]))
+    return 0
+
+
 def check_foreign(args, case, settings, programs, environment):
     """HELLO, MESH and an orderly run of each foreign program, by undine-conform. Returns the exit code."""
     binaries, _ = places(args.build)
@@ -293,7 +315,8 @@ def main():
     lines = mpirun_line(args, case, settings, programs, ranks, out)
 
     if args.check:
-        code = check_all(lines, settings, environment) or check_foreign(args, case, settings, programs, environment)
+        code = check_all(lines, settings, environment) or check_foreign(args, case, settings, programs, environment) \
+            or check_meeting(args, case, settings, programs, ranks, environment)
         if code == 0:
             would = argparse.Namespace(**{**vars(args), "check": False})
             print("would run: " + " ".join(mpirun_line(would, case, settings, programs, ranks, out)[0]))

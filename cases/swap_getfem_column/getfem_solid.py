@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""GetFEM (Debian python3-getfem) as the solid of a coupled run: explicit, lumped mass, link forces at its own step.
+"""GetFEM (Debian python3-getfem) as the solid of a coupled run: explicit, lumped mass, link forces at its own step where the
+interface stays, in the middle of the common step where contact opens and closes.
 
 Started by scripts/run as: getfem_solid.py case.toml --out DIR [--set table.key=value]
-Reads the box, the material and the mesh size from the [run] and [solid] tables that solid_fe would read.
+Reads the box, the material, the mesh size, the fixed sides and the wet sides that solid_fe would read.
 """
 import argparse
 import sys
@@ -42,18 +43,22 @@ def read_case():
         key, _, value = override.partition("=")
         table, _, name = key.partition(".")
         try:
-            case[table][name] = tomllib.loads(f"v = {value}")["v"]
+            case.setdefault(table, {})[name] = tomllib.loads(f"v = {value}")["v"]
         except tomllib.TOMLDecodeError:
-            case[table][name] = value
+            case.setdefault(table, {})[name] = value
     return case, arguments.out
 
 
+def list_of(value):
+    return value if isinstance(value, list) else [value]
+
+
 class Body:
-    """A box of Q4 elements, fixed below, on rollers at its sides, in GetFEM; unknowns as rows of (x, y) per node."""
+    """A box of Q4 elements in GetFEM; unknowns as rows of (x, y) per node."""
 
     def __init__(self, case):
         solid, run = case["solid"], case["run"]
-        h = run["characteristic_length"] / run["resolution"]
+        h = run["characteristic_length"] / run["resolution"] * solid.get("size_factor", 1.0)
         self.origin, self.size = np.array(solid["origin"]), np.array([solid["width"], solid["height"]])
         lines = [np.linspace(o, o + s, max(1, round(s / h)) + 1) for o, s in zip(self.origin, self.size)]
         E, nu = solid["youngs_modulus"], solid["poisson_ratio"]
@@ -77,11 +82,25 @@ class Body:
         self.mass = solid["density"] * consistent.mult(ones)[::2]  # row sums
         self.gravity = np.array(solid["gravity"])
         low, high = self.x <= self.origin + 1e-9, self.x >= self.origin + self.size - 1e-9
+        self.sides = {"left": low[:, 0], "right": high[:, 0], "bottom": low[:, 1], "top": high[:, 1]}
         self.free = np.ones_like(self.x)
-        self.free[low[:, 1]] = 0.0
-        self.free[low[:, 0] | high[:, 0], 0] = 0.0
-        top = np.flatnonzero(high[:, 1])
-        self.wet = top[np.argsort(self.x[top, 0])]
+        for fix in solid["fix"]:
+            for component in fix["components"]:
+                self.free[self.sides[fix["on"]], "xy".index(component)] = 0.0
+        wet = np.zeros(len(self.x), dtype=bool)
+        for interface in case["interface"]:
+            for side in list_of(interface["solid"]):
+                wet |= self.sides[side]
+        self.wet = np.flatnonzero(wet)
+
+    def faces(self, side):
+        """Edges of a side as positions in `wet`; the body lies to the left when one walks along them."""
+        along = self.x[self.wet, 0 if side in ("top", "bottom") else 1]
+        nodes = np.flatnonzero(self.sides[side][self.wet])
+        nodes = nodes[np.argsort(along[nodes])]
+        if side in ("top", "left"):
+            nodes = nodes[::-1]
+        return np.stack([nodes[:-1], nodes[1:]], axis=1)
 
     def internal_force(self):
         self.model.set_variable("u", self.u.ravel())
@@ -109,23 +128,46 @@ class Body:
         return 2.0 / np.sqrt(omega2)
 
 
+class Histories:
+    """history/<name>.csv of the case's probes on the solid, at the nodes nearest to their points."""
+
+    def __init__(self, body, case, out, t_begin):
+        self.body = body
+        self.every, self.due = case["output"].get("history_every", 0.0), t_begin
+        self.files = []
+        for probe in case.get("probe", []):
+            if probe["on"] == "solid":
+                node = np.argmin(np.linalg.norm(body.x - probe["point"], axis=1))
+                self.files.append((node, open(f"{out}/history/{probe['name']}.csv", "w", buffering=1)))
+                self.files[-1][1].write("t[s],u_x[m],u_y[m],v_x[m/s],v_y[m/s]\n")
+
+    def record(self, t, v):
+        """A row when one is due."""
+        if t < self.due - 1e-12:
+            return
+        self.due += self.every
+        for node, file in self.files:
+            file.write(f"{t:.9g}," + ",".join(f"{w:.12g}" for w in (*self.body.u[node], *v[node])) + "\n")
+
+
 def main():
     case, out = read_case()
     body = Body(case)
-    x, u, mass, free, wet = body.x, body.u, body.mass[:, None], body.free, body.wet
+    u, mass, free, wet = body.u, body.mass[:, None], body.free, body.wet
     v, a = np.zeros_like(u), body.acceleration()
-    probe = np.argmin(np.linalg.norm(x - case["probe"][0]["point"], axis=1))
     stable_dt, steps = SAFETY * body.stable_step(), 0
 
-    with undine_link.Link("solid", "GetFEM", out_dir=out) as link:
+    with undine_link.Link("solid", "GetFEM", out_dir=out, contact=True) as link:
         setup = link.receive_setup()
-        link.set_nodes(x[wet], body.mass[wet], 1 - free[wet], node_id=wet)
-        # the body lies to the left of a walk from right to left along its top
-        link.add_faces(setup.interfaces[0], [[n + 1, n] for n in range(len(wet) - 1)])
+        link.set_nodes(body.x[wet], body.mass[wet], 1 - free[wet], node_id=wet)
+        sides = {interface["name"]: list_of(interface["solid"]) for interface in case["interface"]}
+        for name in setup.interfaces:
+            for side in sides[name]:
+                link.add_faces(name, body.faces(side))
         link.send_surface()
 
-        history = open(f"{out}/history/interface.csv", "w", buffering=1)
-        history.write(f"t[s],u_x[m],u_y[m],v_x[m/s],v_y[m/s]\n{setup.t_begin:.9g},0,0,0,0\n")
+        histories = Histories(body, case, out, setup.t_begin)
+        histories.record(setup.t_begin, v)
         link.send_report(stable_dt, mass=body.mass.sum())
         for window in link.windows():
             dt = window.dt
@@ -135,20 +177,22 @@ def main():
                 a[wet] += free[wet] * f / mass[wet]
             for j in range(1, window.steps + 1):
                 v += 0.5 * dt * a
+                if link.in_contact():
+                    f = link.exchange(v[wet])
+                    v[wet] += dt * free[wet] * f / mass[wet]
                 u += dt * v
                 a = body.acceleration()
                 v += 0.5 * dt * a
-                if window.fine or j == window.steps:
+                if not link.in_contact() and (window.fine or j == window.steps):
                     f = link.exchange(v[wet])
                     a[wet] += free[wet] * f / mass[wet]
                     v[wet] += 0.5 * dt * free[wet] * f / mass[wet]
             if not np.isfinite(u).all():
                 raise undine_link.NumericalError(f"the displacements are not finite, t = {window.t_end:.6g} s")
             steps += window.steps
-            history.write(f"{window.t_end:.9g}," + ",".join(f"{w:.12g}" for w in (*u[probe], *v[probe])) + "\n")
+            histories.record(window.t_end, v)
             link.send_report(stable_dt, steps=steps, mass=body.mass.sum(), kinetic_energy=0.5 * float(np.sum(mass * v**2)),
                              internal_energy=body.strain_energy(), external_work=float(np.sum(mass * u * body.gravity)))
-        history.close()
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ struct undine_link
   undine::link::Setup setup;
   bool has_setup = false;
   undine::link::SurfaceMesh surface;
+  undine::link::SurfaceMesh partner_surface;
   bool surface_was_sent = false;
   bool offers_checkpoints = false;
   undine::link::CheckpointOrder checkpoint;
@@ -209,6 +210,13 @@ extern "C"
     return open_link(link, role, solver, capability::force_in, hello_seconds, stall_seconds);
   }
 
+  int undine_open_contact(undine_link** link, const char* role, const char* solver, double hello_seconds,
+                          double stall_seconds)
+  {
+    return open_link(link, role, solver, capability::link | capability::contact, hello_seconds,
+                     stall_seconds);
+  }
+
   MPI_Comm undine_comm(const undine_link* link)
   {
     return link != nullptr ? link->world->comm() : MPI_COMM_NULL;
@@ -245,6 +253,29 @@ extern "C"
     if (link == nullptr || i < 0 || static_cast<std::size_t>(i) >= link->setup.interfaces.size())
       return nullptr;
     return link->setup.interfaces[static_cast<std::size_t>(i)].c_str();
+  }
+
+  int undine_in_contact(const undine_link* link)
+  {
+    return link != nullptr &&
+           (link->setup.scheme == contact_scheme || link->setup.scheme == contact_surface_scheme);
+  }
+
+  int undine_receive_surface(undine_link* link, undine_surface* surface)
+  {
+    return guarded(link,
+                   [&]
+                   {
+                     auto& talk = conversation(link, "undine_receive_surface");
+                     require(surface != nullptr, "undine_receive_surface: surface is NULL");
+                     link->partner_surface = talk.receive_surface();
+                     const auto& s = link->partner_surface;
+                     *surface = {.n_nodes = s.n_nodes(),
+                                 .n_faces = s.n_faces(),
+                                 .x = s.x.data(),
+                                 .face_offset = s.face_offset.data(),
+                                 .face_nodes = s.face_nodes.data()};
+                   });
   }
 
   int undine_set_nodes(undine_link* link, int64_t n, const int64_t* node_id, const double* x,

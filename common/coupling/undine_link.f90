@@ -22,6 +22,12 @@ module undine_link
     integer(c_int32_t) :: fine = 0, activate = 0, output = 0, last = 0
   end type
 
+  !> x is (dim, n_nodes); use c_f_pointer
+  type, bind(c) :: undine_surface
+    integer(c_int64_t) :: n_nodes = 0, n_faces = 0
+    type(c_ptr) :: x = c_null_ptr, face_offset = c_null_ptr, face_nodes = c_null_ptr
+  end type
+
   type, bind(c) :: undine_report
     real(c_double) :: stable_dt = 0, kinetic_energy = 0, internal_energy = 0, external_work = 0
     real(c_double) :: dissipated_energy = 0, interface_work = 0, mass = 0
@@ -32,6 +38,12 @@ module undine_link
   interface
     integer(c_int) function undine_comm_f(link) bind(c)
       import; type(c_ptr), value :: link
+    end function
+    integer(c_int) function undine_in_contact(link) bind(c)
+      import; type(c_ptr), value :: link
+    end function
+    integer(c_int) function undine_receive_surface(link, surface) bind(c)
+      import; type(c_ptr), value :: link; type(undine_surface) :: surface
     end function
     integer(c_int) function undine_receive_setup(link, setup) bind(c)
       import; type(c_ptr), value :: link; type(undine_setup) :: setup
@@ -110,6 +122,10 @@ module undine_link
       import; type(c_ptr) :: link; character(kind=c_char) :: role(*), solver(*)
       real(c_double), value :: hello, stall
     end function
+    integer(c_int) function c_undine_open_contact(link, role, solver, hello, stall) bind(c, name="undine_open_contact")
+      import; type(c_ptr) :: link; character(kind=c_char) :: role(*), solver(*)
+      real(c_double), value :: hello, stall
+    end function
     type(c_ptr) function c_undine_last_error(link) bind(c, name="undine_last_error")
       import; type(c_ptr), value :: link
     end function
@@ -156,6 +172,15 @@ contains
     real(c_double), intent(in) :: hello_seconds, stall_seconds
     undine_open_force_in = c_undine_open_force_in(link, trim(role)//c_null_char, trim(solver)//c_null_char, &
                                                   hello_seconds, stall_seconds)
+  end function
+
+  !> Level B, also where contact opens and closes; ask undine_in_contact
+  integer(c_int) function undine_open_contact(link, role, solver, hello_seconds, stall_seconds)
+    type(c_ptr), intent(out) :: link
+    character(*), intent(in) :: role, solver
+    real(c_double), intent(in) :: hello_seconds, stall_seconds
+    undine_open_contact = c_undine_open_contact(link, trim(role)//c_null_char, trim(solver)//c_null_char, &
+                                                hello_seconds, stall_seconds)
   end function
 
   function undine_last_error(link) result(text)

@@ -29,6 +29,9 @@
  *   docs/protocol.md; undine_last_error() then has the words. No C++ exception leaves the library, and nothing but
  *   undine_abort ends the process.
  * - The functions may be called from one thread at a time, the one that may call MPI.
+ * - A solver opened by undine_open_contact asks undine_in_contact after the set-up. If it says 1, every window is one step
+ *   with the exchange in its middle, and never has `activate`:
+ *     v += dt/2 a;  undine_exchange(link, v, f);  v += dt M^-1 f;  u += dt v;  a = M^-1 F(u);  v += dt/2 a;
  * - A parallel solver opens the link on all its ranks, uses undine_comm() wherever it would use MPI_COMM_WORLD, and
  *   calls everything else on rank 0 of undine_comm().
  * - Null pointers and negative sizes are refused with code 1.
@@ -121,6 +124,11 @@ int undine_open(undine_link** link, const char* role, const char* solver, double
 int undine_open_force_in(undine_link** link, const char* role, const char* solver, double hello_seconds,
                          double stall_seconds);
 
+/* The same as undine_open for a solver that can also serve an interface whose contact opens and closes
+ * (separation = true): it then exchanges in the middle of its step, see undine_in_contact. */
+int undine_open_contact(undine_link** link, const char* role, const char* solver, double hello_seconds,
+                        double stall_seconds);
+
 /* Communicator of the ranks of this program; belongs to the link. The second form is for Fortran and mpi4py. */
 MPI_Comm undine_comm(const undine_link* link);
 MPI_Fint undine_comm_f(const undine_link* link);
@@ -132,6 +140,22 @@ const char* undine_last_error(const undine_link* link);
 int undine_receive_setup(undine_link* link, undine_setup* setup);
 /* Name of interface i of the setup, 0 <= i < n_interfaces; NULL otherwise. */
 const char* undine_interface_name(const undine_link* link, int32_t i);
+
+/* After the set-up, of undine_open_contact: 1 if contact opens and closes in this run, 0 if the interface stays. */
+int undine_in_contact(const undine_link* link);
+
+/* The wet surface of the other participant, as sent for contact. */
+typedef struct undine_surface
+{
+  int64_t n_nodes, n_faces;
+  const double* x;            /* n_nodes x dim, present positions [m] */
+  const int32_t* face_offset; /* n_faces + 1, from 0, into face_nodes */
+  const int32_t* face_nodes;  /* positions in x, outward of that body */
+} undine_surface;
+
+/* Only a fluid in contact: SURFACE comes before each undine_send_surface. The pointers are valid until the next call.
+ * A second undine_send_report follows each undine_send_surface but the first. */
+int undine_receive_surface(undine_link* link, undine_surface* surface);
 
 /* The wet surface is collected by the next functions and sent by undine_send_surface.
  *   n         number of wet nodes, each once even if it is on several interfaces

@@ -54,6 +54,12 @@ class Report(Structure):
     _fields_ += [("steps", c_int64), ("surface_changed", c_int32), ("reserved", c_int32)]
 
 
+class Surface(Structure):
+    """Wet surface of the other participant; see undine_surface in undine_link.h."""
+    _fields_ = [("n_nodes", c_int64), ("n_faces", c_int64), ("x", POINTER(c_double)), ("face_offset", POINTER(c_int32)),
+                ("face_nodes", POINTER(c_int32))]
+
+
 class LinkError(RuntimeError):
     """A call failed; `code` is an exit code of docs/protocol.md."""
 
@@ -80,6 +86,8 @@ def _load():
         "undine_offer_checkpoints": [h], "undine_checkpoint_done": [h, c_char_p, c_char_p],
         "undine_send_kinematics": [h, d, d], "undine_receive_activation": [h, d, d],
         "undine_send_free_velocity": [h, d], "undine_receive_link_force": [h, d], "undine_exchange": [h, d, d],
+        "undine_in_contact": [h], "undine_receive_surface": [h, POINTER(Surface)],
+        "undine_open_contact": [POINTER(h), c_char_p, c_char_p, c_double, c_double],
         "undine_open_force_in": [POINTER(h), c_char_p, c_char_p, c_double, c_double], "undine_send_motion": [h, d, d],
         "undine_request_stop": [h, c_char_p], "undine_ping": [h],
     }
@@ -120,11 +128,12 @@ def _check(code, handle):
 class Link:
     """One conversation with the coupler, on rank 0 of `comm`; the other ranks only hold `comm`."""
 
-    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir="", force_in=False):
-        """force_in: level A, a code that takes forces; see undine_open_force_in."""
+    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir="", force_in=False, contact=False):
+        """force_in: level A, a code that takes forces; contact: it can exchange in the middle of its step where contact opens
+        and closes, see undine_open_contact."""
         from mpi4py import MPI  # calls MPI_Init
         self._handle, self._out_dir, self._shape = c_void_p(), out_dir, (0, 0)
-        hand_shake = _lib.undine_open_force_in if force_in else _lib.undine_open
+        hand_shake = _lib.undine_open_force_in if force_in else _lib.undine_open_contact if contact else _lib.undine_open
         code = hand_shake(byref(self._handle), role.encode(), solver.encode(), hello_seconds, stall_seconds)
         if code != 0:
             self.abort(code, None)
@@ -171,6 +180,18 @@ class Link:
         setup.interfaces = [_lib.undine_interface_name(self._handle, i).decode() for i in range(setup.n_interfaces)]
         self.setup = setup
         return setup
+
+    def in_contact(self):
+        """After receive_setup(): contact opens and closes, every window is one step with the exchange in its middle."""
+        return _lib.undine_in_contact(self._handle) == 1
+
+    def receive_surface(self):
+        """A fluid in contact, before each send_surface(): positions (n, dim) [m], face_offset, face_nodes of the solid."""
+        s = Surface()
+        _check(_lib.undine_receive_surface(self._handle, byref(s)), self._handle)
+        offset = np.ctypeslib.as_array(s.face_offset, (s.n_faces + 1,)).copy()
+        return (np.ctypeslib.as_array(s.x, (s.n_nodes, self.setup.dim)).copy(), offset,
+                np.ctypeslib.as_array(s.face_nodes, (int(offset[-1]),)).copy())
 
     def set_nodes(self, x, mass, fixed=None, node_id=None):
         """x (n, dim) [m], lumped mass (n) [kg], fixed (n, dim) of 0 and 1, node_id (n) global numbers."""

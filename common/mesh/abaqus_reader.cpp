@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <fstream>
 #include <optional>
 #include <sstream>
@@ -92,6 +93,8 @@ public:
       if (line_[0] != '*')
         fail("data without a keyword before it");
       const auto words = split(line_.substr(1));
+      if (words.empty())
+        fail("a keyword is missing behind *");
       const auto keyword = upper(words[0]);
       parameters_.clear();
       for (std::size_t k = 1; k < words.size(); ++k)
@@ -155,11 +158,25 @@ private:
     {
       used = 0;
     }
-    if (used == 0 || used != word.size())
+    if (used == 0 || used != word.size() || !std::isfinite(value))
       fail("\"" + word + "\" is no number");
     return value;
   }
-  long label(const std::string& word) const { return static_cast<long>(number(word)); }
+  /// Number of a node or element; Abaqus has nine digits for it.
+  long label(const std::string& word) const
+  {
+    const double value = number(word);
+    if (!(value >= 1.0 && value <= 999999999.0 && value == std::floor(value)))
+      fail("\"" + word + "\" is no whole number from 1 to 999999999");
+    return static_cast<long>(value);
+  }
+  /// A set grows by `members`; one larger than any mesh that fits here is a mistake.
+  void require_room(const std::vector<long>& set, std::size_t members) const
+  {
+    constexpr std::size_t most = 50'000'000;
+    if (members > most || set.size() > most - members)
+      fail("the set has more than " + std::to_string(most) + " members");
+  }
 
   void read_nodes()
   {
@@ -240,9 +257,9 @@ private:
         if (words.size() < 2)
           fail("GENERATE needs first, last and step");
         const long step = words.size() > 2 && !words[2].empty() ? label(words[2]) : 1;
-        if (step < 1)
-          fail("the step of GENERATE must be positive");
-        for (long k = label(words[0]); k <= label(words[1]); k += step)
+        const long first = label(words[0]), last = label(words[1]);
+        require_room(set, last < first ? 0 : static_cast<std::size_t>((last - first) / step) + 1);
+        for (long k = first; k <= last; k += step)
           set.push_back(k);
         continue;
       }
@@ -253,6 +270,7 @@ private:
         if (const auto other = sets.find(upper(word)); other != sets.end())
         {
           const auto members = other->second; // the set may name itself
+          require_room(set, members.size());
           set.insert(set.end(), members.begin(), members.end());
         }
         else

@@ -3,6 +3,7 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/wire.hpp"
 
 #include <mpi.h>
 
@@ -90,6 +91,52 @@ SurfaceMesh row_of_nodes(int n)
   return mesh;
 }
 
+/// Spoils messages on their way: "cut" and "lost" the second FREE_VELOCITY of window `at`, "oversized" the
+/// first KINEMATICS, whose count becomes 2^60.
+class SpoilingChannel final : public Channel
+{
+public:
+  SpoilingChannel(std::unique_ptr<Channel> channel, std::string how, std::int64_t at)
+      : channel_(std::move(channel)), how_(std::move(how)), at_(at)
+  {
+  }
+  void send(std::span<const std::byte> message) override
+  {
+    std::uint16_t type = 0;
+    std::int64_t window = 0;
+    std::memcpy(&type, message.data() + 4, sizeof type);
+    std::memcpy(&window, message.data() + 16, sizeof window);
+    const bool oversized = how_ == "oversized";
+    const auto wanted = oversized ? MessageType::kinematics : MessageType::free_velocity;
+    if (type != static_cast<std::uint16_t>(wanted) || !(oversized || window == at_) ||
+        seen_++ != (oversized ? 0 : 1))
+      return channel_->send(message);
+    std::vector<std::byte> bytes(message.begin(), message.end());
+    if (how_ == "cut")
+      bytes.resize(bytes.size() - 8);
+    else
+    {
+      std::uint64_t number = 0;
+      std::byte* const place = bytes.data() + (oversized ? wire::header_size : 8);
+      std::memcpy(&number, place, sizeof number);
+      number = oversized ? std::uint64_t(1) << 60 : number + 1;
+      std::memcpy(place, &number, sizeof number);
+      const std::uint32_t zero = 0;
+      std::memcpy(bytes.data() + 48, &zero, sizeof zero);
+      const std::uint32_t crc = wire::crc32c(bytes);
+      std::memcpy(bytes.data() + 48, &crc, sizeof crc);
+    }
+    channel_->send(bytes);
+  }
+  void receive(std::vector<std::byte>& message) override { channel_->receive(message); }
+
+private:
+  std::unique_ptr<Channel> channel_;
+  std::string how_;
+  std::int64_t at_;
+  int seen_ = 0;
+};
+
 struct NumericalFailure : std::runtime_error
 {
   using std::runtime_error::runtime_error;
@@ -135,9 +182,11 @@ void solve(const World& world, const Options& options)
   auto channel = world.channel("coupler");
   if (!channel)
     return; // other ranks of a solver have nothing to do here
-  SolverLink link(std::move(channel));
   const std::string behave = options.text("behave", "well");
   const auto at = std::int64_t(options.number("at", 3));
+  if (behave == "cut" || behave == "lost" || behave == "oversized")
+    channel = std::make_unique<SpoilingChannel>(std::move(channel), behave, at);
+  SolverLink link(std::move(channel));
   try
   {
     link.receive_setup();
@@ -303,7 +352,7 @@ int main(int argc, char** argv)
     if (behave == "late")
       sleep(30);
     Identity identity{.role = role,
-                      .solver = "actor 1",
+                      .solver = options.text("solver", "actor 1"),
                       .dim = 2,
                       .case_hash = std::uint64_t(options.number("hash", 7)),
                       .partners = {"coupler"}};

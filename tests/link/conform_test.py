@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 def command(client, build, out):
     """(options of undine-conform, command of the client, rules that it must break)."""
     column, getfem = ROOT / "cases" / "elastic_column" / "case.toml", ROOT / "cases" / "swap_getfem_column"
+    dolfinx = ROOT / "cases" / "swap_dolfinx_column"
     coarse = ["--set", "run.resolution=10"]
     return {
         "plate_c": ([], [build / "bin" / "plate_c", "case.toml", "--out", out], 0),
@@ -26,6 +27,7 @@ def command(client, build, out):
         # its nodes do not move alone: the two rules that compare the answer to a nodal force with the node's mass
         "rigid_body": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "rigid_body.py", "case.toml", "--out", out], 2),
         "getfem": ([], ["/usr/bin/python3", getfem / "getfem_solid.py", getfem / "case.toml", "--out", out], 0),
+        "dolfinx": ([], ["/usr/bin/python3", dolfinx / "dolfinx_solid.py", dolfinx / "case.toml", "--out", out], 0),
         "solid_fe": (["--stall", "3"],
                      [build / "bin" / "solid_fe", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),
         "fluid_pfem": (["--role", "fluid", "--stall", "3"],
@@ -47,8 +49,9 @@ def main():
         if arguments.client == "plate_fortran" and not words[0].is_file():
             print("skip: there is no Fortran compiler")
             return 77
-        if arguments.client == "getfem" and subprocess.run(["/usr/bin/python3", "-c", "import getfem"]).returncode != 0:
-            print("skip: python3-getfem is not installed")
+        if arguments.client in ("getfem", "dolfinx") and subprocess.run(
+                ["/usr/bin/python3", "-c", f"import {arguments.client}"], stderr=subprocess.DEVNULL).returncode != 0:
+            print(f"skip: there is no {arguments.client} here")
             return 77
         line = [str(w) for w in [build / "bin" / "undine-conform", "--limit", "15", *options, "--", *words]]
         print(" ".join(line), flush=True)

@@ -115,6 +115,7 @@ CASES = [
          {"code": "35", "program": '"fluid"'}),
     Case("two couplers", [["2", "--role=coupler"], FLUID, SOLID], (35,), 0, [r"role 'coupler' is taken by 2 processes"],
          {"code": "35"}, short=True),
+    Case("two solids", [COUPLER, FLUID, SOLID, SOLID + ["--solver=another 2"]], (35,), 0, [r"role 'solid' is"], {"code": "35"}),
     Case("started alone", [SOLID], (35,), 0, [r"no program with role 'coupler' \(found: solid x1\)", r"started alone"],
          {"code": "35"}),
 
@@ -126,6 +127,9 @@ CASES = [
          {"code": "37", "program": '"coupler"'}, short=True),
     Case("out of turn", coupled("--behave=early_report"), (37,), 0,
          [r"error: READY cannot be sent to 'coupler' now, expected FREE_VELOCITY"], {"code": "37", "program": '"solid"'}, short=True),
+    Case("truncated message", coupled("--behave=cut"), (37,), 0, [r"error: .*'solid'"], {"code": "37", "program": '"coupler"'}),
+    Case("lost message", coupled("--behave=lost"), (37,), 0, [r"error: .*'solid'"], {"code": "37", "program": '"coupler"'}),
+    Case("oversized count", coupled("--behave=oversized"), (37,), 0, [r"error: .*'solid'"], {"code": "37", "program": '"coupler"'}),
     Case("bad case before MPI_Init", coupled("--behave=bad_case"), (2,), 0, [r"error: case.toml:3:1: .*must be positive"],
          {"code": "2", "program": '"solid"'}, short=True),
 ]

@@ -46,10 +46,12 @@ def messages():
             + array("d", [0.0, 1.0, 0.5, 1.5, 1.0, 2.0])
             + array("d", [1.0, 0.0, 0.0, 1.0, 2.0, 0.5, 0.5, 2.0, 0.0, 0.0, 0.0, 4.0])
             + array("i", [0, 2, 4]) + array("i", [0, 1, 1, 2]) + array("i", [0, 1]))
+    thin_wall = mesh + array("i", [0, 2]) + array("d", [0.5, 0.25, -0.25, 0.125])  # nodes that move each other
     vector = struct.pack("<6d", 0.0, -1.0, 2.5, 1e-300, 1e300, -0.0)
     return {
         "setup": message(1, struct.pack("<idd", 2, 0.5, 1.5) + string("gc") + strings(["gate", "bed"]) + string("")),
         "mesh": message(2, mesh),
+        "mesh_of_a_thin_wall": message(2, thin_wall),
         "mesh_reply": message(3, struct.pack("<B", 0) + string("gap of 2 mm")),
         "ready": message(4, struct.pack("<9dqB", 1e-4, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1)),
         "window": message(5, struct.pack("<qddqBBBB", 41, 0.25, 0.5, 7, 1, 0, 1, 0)),
@@ -64,6 +66,7 @@ def messages():
         "fail": message(14, struct.pack("<i", 10) + string("element 17 is inverted")),
         "ping": message(15, b""),
         "kinematics": message(16, array("d", [1.0, 2.0]) + array("d", [3.0, 4.0])),
+        "surface": message(18, mesh),
         "motion": message(19, array("d", [0.5, 0.25]) + array("d", [3.0, 4.0])),
         "activation_impulse": message(17, array("d", [5.0, 6.0]) + array("d", [7.0, 8.0])),
         "hello": (b"\x89FSI\r\n\x1a\n" + struct.pack("<HHIBBBQQii", 1, 0, 0x01020304, 4, 8, 2, 6, 0x1122334455667788, 3, 4711)

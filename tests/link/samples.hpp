@@ -34,6 +34,15 @@ inline SurfaceMesh mesh()
           .face_interface = {0, 1}};
 }
 
+/// Its first and last node are on the two faces of a thin wall.
+inline SurfaceMesh thin_wall()
+{
+  SurfaceMesh wall = mesh();
+  wall.coupled_nodes = {0, 2};
+  wall.coupled_inverse_mass = {0.5, 0.25, -0.25, 0.125};
+  return wall;
+}
+
 inline wire::MeshReply mesh_reply() { return {.accepted = false, .reason = "gap of 2 mm"}; }
 
 inline Report report()

@@ -120,6 +120,8 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   using enum MessageType;
   CHECK(hex(message_of(header(MessageType::setup), samples::setup())) == golden::setup);
   CHECK(hex(message_of(header(MessageType::mesh), samples::mesh())) == golden::mesh);
+  CHECK(hex(message_of(header(MessageType::mesh), samples::thin_wall())) == golden::mesh_of_a_thin_wall);
+  CHECK(hex(message_of(header(MessageType::surface), samples::mesh())) == golden::surface);
   CHECK(hex(message_of(header(MessageType::mesh_reply), samples::mesh_reply())) == golden::mesh_reply);
   CHECK(hex(message_of(header(ready), report())) == golden::ready);
   CHECK(hex(message_of(header(MessageType::window), samples::window())) == golden::window);

@@ -4,10 +4,15 @@
 Example: tests/system/failures_test.py --build build/release Failures.test_a_killed_solid_ends_the_run
 """
 import os
+import re
+import shutil
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
+
+import h5py
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import programs  # noqa: E402
@@ -20,7 +25,12 @@ DEADLINES = ['--set', f'coupling.hello_timeout={HELLO}', '--set', f'coupling.sta
 LONG = DEADLINES + ["--set", "run.t_end=1000", "--set", "output.every=0.01"]
 
 
-class Failures(programs.SystemTest):
+# Starts a program whose files cannot grow beyond so many bytes, as on a full disk: the write that goes beyond fails.
+SMALL_DISK = ["/usr/bin/python3", "-c", "import os, resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+              "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1]))); os.execv(sys.argv[2], sys.argv[2:])"]
+
+
+class FailureTest(programs.SystemTest):
     def expect(self, ended, limit, codes, says, program=None, errors=1):
         """`says`: texts of the output; `program`: who wrote FAILED.toml."""
         report = f"\n{ended.text}\nexit code {ended.code} after {ended.seconds:.1f} s"
@@ -51,11 +61,44 @@ class Failures(programs.SystemTest):
             os.kill(victims[0], number)
         return programs.run(line, limit, act)
 
+    def frames_are_whole(self):
+        """Every frame of the fluid and the solid that the index names is there and can be read, by h5py and by h5dump."""
+        count = 0
+        for name in ("fluid", "solid"):
+            index, data = self.out / f"{name}.xdmf", self.out / f"{name}.h5"
+            if not index.is_file():
+                continue
+            with h5py.File(data) as file:
+                file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
+                for path in re.findall(rf"{name}\.h5:(/\S+?)\s*<", index.read_text()):
+                    self.assertIn(path, file)
+                    count += 1
+            if shutil.which("h5dump"):
+                done = subprocess.run(["h5dump", str(data)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertGreater(count, 4, "no frame was written before the failure")
+
+
+class Failures(FailureTest):
     def test_a_killed_solid_ends_the_run(self):
         # mpirun notices at once; 128 + 9 is its code for SIGKILL, and the text is its own.
         line = programs.coupled_line(programs.COLUMN, self.out, *LONG)
         ended = self.run_until_it_moves(line, "solid_fe", signal.SIGKILL, MARGIN)
         self.expect(ended, MARGIN, (137,), ["rank 2", "exited on signal 9"], errors=0)
+        self.frames_are_whole()
+
+    def test_a_full_disk_under_the_fluid(self):
+        fluid = [*SMALL_DISK, "200000", programs.program("fluid"), str(programs.COLUMN), "--out", str(self.out), *LONG]
+        ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *LONG, fluid=fluid), 20 + MARGIN)
+        self.expect(ended, 20 + MARGIN, (40,), ["error: 'fluid' failed (exit code 11)", "fluid.h5"], program="coupler")
+        self.frames_are_whole()
+
+    def test_a_full_disk_under_the_coupler(self):
+        line = programs.coupled_line(programs.COLUMN, self.out, *LONG)
+        coupler = line.index(programs.program("coupler"))
+        ended = programs.run(line[:coupler] + [*SMALL_DISK, "20000"] + line[coupler:], 20 + MARGIN)
+        self.expect(ended, 20 + MARGIN, (11,), ["error: ", "history/"], program="coupler")
+        self.frames_are_whole()
 
     def test_scripts_run_names_the_killed_program(self):
         line = [sys.executable, "-B", str(programs.ROOT / "scripts" / "run_case.py"), str(programs.COLUMN), "--build", str(programs.BUILD),
@@ -110,6 +153,43 @@ class Failures(programs.SystemTest):
                 "--out", str(self.out), "--ranks", "solid=2", *DEADLINES]
         ended = programs.run(line, MARGIN)
         self.expect(ended, MARGIN, (2,), ["'solid' was started on 2 ranks"], program="solid", errors=None)
+
+
+class ParaView(FailureTest):
+    """What a run left that was killed, or whose disk was full, opens in ParaView (label validation)."""
+
+    SCRIPT = """
+import sys
+from paraview.simple import *
+for path in sys.argv[1:]:
+    reader = XDMFReader(FileNames=[path])
+    times = list(reader.TimestepValues)
+    UpdatePipeline(time=times[-1], proxy=reader)
+    data = reader.GetDataInformation()
+    assert len(times) >= 2 and data.GetNumberOfPoints() > 10 and data.GetNumberOfCells() > 10, path
+    print("opened", path, len(times), data.GetNumberOfPoints())
+"""
+
+    def opens(self):
+        if shutil.which("pvbatch") is None:
+            self.skipTest("ParaView is not installed")
+        script = self.folder / "open.py"
+        script.write_text(self.SCRIPT)
+        files = [str(self.out / f"{name}.xdmf") for name in ("fluid", "solid")]
+        done = subprocess.run(["pvbatch", str(script), *files], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.count("opened"), 2, done.stdout)
+        print("    " + "; ".join(line.split("/")[-1] for line in done.stdout.split("\n") if line.startswith("opened")), file=sys.stderr)
+
+    def test_after_a_kill(self):
+        ended = self.run_until_it_moves(programs.coupled_line(programs.COLUMN, self.out, *LONG), "solid_fe", signal.SIGKILL, MARGIN)
+        self.expect(ended, MARGIN, (137,), ["exited on signal 9"], errors=0)
+        self.opens()
+
+    def test_after_a_full_disk(self):
+        fluid = [*SMALL_DISK, "200000", programs.program("fluid"), str(programs.COLUMN), "--out", str(self.out), *LONG]
+        programs.run(programs.coupled_line(programs.COLUMN, self.out, *LONG, fluid=fluid), 20 + MARGIN)
+        self.opens()
 
 
 if __name__ == "__main__":

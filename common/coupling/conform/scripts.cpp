@@ -427,6 +427,52 @@ Record converse(PartnerLink& link, const Options& options, const Push& push, Fin
   return record;
 }
 
+/// Scheme "contact": the plan's windows with one step each, the exchange in the middle.
+Record converse_in_contact(PartnerLink& link, const Options& options, const Push& push, Findings* findings)
+{
+  Record record;
+  Setup setup = setup_of(options);
+  setup.scheme = contact_scheme;
+  link.send_setup(setup);
+  record.mesh = link.receive_mesh();
+  link.accept_mesh();
+  const Report start = link.receive_report();
+  if (findings != nullptr)
+    judge_mesh(record.mesh, options, *findings);
+  const auto p = kick(record.mesh);
+  std::vector<double> v(p.size());
+  double t = 0.0;
+  bool steps_right = true;
+  for (std::size_t k = 0; k < std::size(plan); ++k)
+  {
+    const double dt = plan[k].dt * start.stable_dt;
+    link.send_window({.index = static_cast<std::int64_t>(k),
+                      .t_begin = t,
+                      .t_end = t + dt,
+                      .fine = true,
+                      .output = k % 2 == 1,
+                      .last = k + 1 == std::size(plan)});
+    t += dt;
+    link.receive_free_velocity(v);
+    record.v_free.push_back(v);
+    record.dt.push_back(dt);
+    std::vector<double> f(p.size(), 0.0);
+    if (static_cast<int>(k) == push.exchange)
+      for (std::size_t i = 0; i < p.size(); ++i)
+        f[i] = p[i] / dt;
+    link.send_link_force(f);
+    const Report report = link.receive_report();
+    steps_right = steps_right && report.steps == static_cast<std::int64_t>(k) + 1;
+    if (report.surface_changed)
+      link.receive_mesh_update();
+  }
+  link.send_bye();
+  if (findings != nullptr)
+    findings->expect(steps_right, "4.7",
+                     "windows of one step with the exchange in its middle, BYE and BYE_ACK");
+  return record;
+}
+
 void write_record(const std::string& path, const Record& record)
 {
   std::ofstream out(path, std::ios::binary);
@@ -483,6 +529,21 @@ void play_force(const std::string& script, const Record& record, const std::stri
   else
     judge_response(record, rest, k, 1.0, "8.1", "LINK_FORCE acts with M^-1 of MESH over its window",
                    findings);
+}
+
+/// In contact: a link force moves the nodes in its own step, whole.
+void play_contact(const Record& record, const std::string& folder, Findings& findings)
+{
+  const auto rest = read_record(folder + "/contact", record);
+  if (rest.empty())
+    findings.expect(false, "4.7", "there is no undisturbed run to compare with");
+  else
+  {
+    judge_response(record, rest, 2, 1.0, "4.7",
+                   "LINK_FORCE acts with M^-1 of MESH in the middle of its step, whole", findings);
+    findings.expect(record.v_free[1] == rest[1], "4.7",
+                    "a free velocity does not know the link force of its own instant");
+  }
 }
 
 void play_push(const std::string& script, const Record& record, const std::string& folder, Findings& findings)
@@ -546,7 +607,8 @@ void judge_hello(const Options& options, Findings& findings)
                   "HELLO: needs a coupler and nobody else");
   findings.expect((hello.capabilities & (capability::force_in | capability::link)) != 0, "2.2",
                   "HELLO: level" + std::string(hello.capabilities & capability::force_in ? " A" : "") +
-                      (hello.capabilities & capability::link ? " B" : ""));
+                      (hello.capabilities & capability::link ? " B" : "") +
+                      (hello.capabilities & capability::contact ? ", contact" : ""));
   findings.note("2.2",
                 hello.case_hash == 0 ? "HELLO: did not read the case (hash 0)" : "HELLO: read the case");
 }
@@ -570,6 +632,8 @@ const std::vector<Script>& scripts()
         {"coarse force", "a link force in a window without sub-steps", 0, "4.5"},
         {"fine force", "a link force in the middle of a sub-cycled window", 0, "4.5"},
         {"impulse", "an activation impulse", 0, "4.5"},
+        {"contact", "windows with the exchange in the middle of the step", 0, "4.5"},
+        {"contact force", "a link force in the middle of a step", 0, "4.5"},
         {"unknown interface", "SETUP names an interface that the program cannot have", -1, "6.2"},
         {"rejected mesh", "MESH_REPLY says no", 4, "6.1"},
         {"failed partner", "the coupler says FAIL", 40, "6.1"},
@@ -604,7 +668,12 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
     const World world = meet(options);
     auto channel = world.channel(options.role);
     options.force_in = (world.capabilities_of(options.role) & capability::link) == 0;
-    if (options.force_in && (script == "impulse" || script == "oversized count"))
+    const bool in_contact = script == "contact" || script == "contact force";
+    // A fluid in contact is shown the solid's surface first; that is played by the real coupler only.
+    const bool can_contact =
+        (world.capabilities_of(options.role) & capability::contact) != 0 && options.role != "fluid";
+    if ((options.force_in && (script == "impulse" || script == "oversized count")) ||
+        (in_contact && !can_contact))
     {
       std::ofstream(options.folder + "/" + not_applicable) << script;
       PartnerLink link(std::move(channel), options.role);
@@ -666,9 +735,17 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
 
     Push push;
     push.activation = script == "impulse";
-    push.exchange = script == "coarse force" ? 1 : script == "fine force" ? 3 : -1;
-    const Record record = converse(link, options, push, script == "rest" ? &findings : nullptr);
-    if (script == "rest")
+    push.exchange = script == "coarse force" || script == "contact force" ? 1
+                    : script == "fine force"                              ? 3
+                                                                          : -1;
+    const Record record =
+        in_contact ? converse_in_contact(link, options, push, script == "contact" ? &findings : nullptr)
+                   : converse(link, options, push, script == "rest" ? &findings : nullptr);
+    if (script == "contact")
+      write_record(options.folder + "/contact", record);
+    else if (script == "contact force")
+      play_contact(record, options.folder, findings);
+    else if (script == "rest")
       write_record(options.folder + "/rest", record);
     else if (script == "repeat")
     {

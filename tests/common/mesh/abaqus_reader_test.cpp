@@ -160,6 +160,15 @@ TEST_CASE("mistakes in an Abaqus file are told with their line", "[common][unit]
     return std::string("nothing");
   };
   CHECK_THAT(complaint("*NODE\n1,0,zero\n"), Catch::Contains(":2: \"zero\" is no number"));
+  CHECK_THAT(complaint("*NODE\n1,0,0\n*\n"), Catch::Contains(":3: a keyword is missing behind *"));
+  CHECK_THAT(complaint("*NODE\n1,0,nan\n"), Catch::Contains(":2: \"nan\" is no number"));
+  for (const std::string label : {"2.5", "0", "-1", "1e60", "1000000000"})
+    CHECK_THAT(complaint("*NODE\n" + label + ",0,0\n"),
+               Catch::Contains(":2: \"" + label + "\" is no whole number from 1 to 999999999"));
+  CHECK_THAT(complaint("*NODE\n1,0,0\n*NSET,NSET=all,GENERATE\n1,900000000\n"),
+             Catch::Contains(":4: the set has more than 50000000 members"));
+  CHECK_THAT(complaint("*NODE\n1,0,0\n*NSET,NSET=all,GENERATE\n1,9,0\n"),
+             Catch::Contains(":4: \"0\" is no whole number"));
   CHECK_THAT(complaint("*NODE\n1,0,0\n*ELEMENT,TYPE=C3D20\n1,1\n"), Catch::Contains("TYPE=C3D20"));
   CHECK_THAT(complaint("*NODE\n1,0,0\n1,0,1\n"), Catch::Contains("node 1 is there twice"));
   CHECK_THAT(complaint("*NODE\n1,0,0\n2,1,0\n*ELEMENT,TYPE=CPE3\n1,1,2,3\n"),

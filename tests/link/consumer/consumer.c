@@ -43,6 +43,9 @@ int main(int argc, char** argv)
   expect(undine_exchange(NULL, x, x) == UNDINE_INTERNAL_ERROR, "no exchange without a link");
   expect(undine_interface_name(NULL, 0) == NULL, "no name without a link");
   expect(undine_comm(NULL) == MPI_COMM_NULL, "no communicator without a link");
+  undine_surface surface;
+  expect(undine_in_contact(NULL) == 0, "no contact without a link");
+  expect(undine_receive_surface(NULL, &surface) == UNDINE_INTERNAL_ERROR, "no surface without a link");
   expect(undine_wait_seconds(NULL) == 0.0, "no waiting without a link");
   undine_close(NULL);
   MPI_Finalize();
