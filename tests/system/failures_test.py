@@ -182,7 +182,8 @@ for path in sys.argv[1:]:
         print("    " + "; ".join(line.split("/")[-1] for line in done.stdout.split("\n") if line.startswith("opened")), file=sys.stderr)
 
     def test_after_a_kill(self):
-        ended = self.run_until_it_moves(programs.coupled_line(programs.COLUMN, self.out, *LONG), "solid_fe", signal.SIGKILL, MARGIN)
+        options = [*DEADLINES, "--set", "run.t_end=1000", "--set", "output.every=0.001"]  # several frames before the kill
+        ended = self.run_until_it_moves(programs.coupled_line(programs.COLUMN, self.out, *options), "solid_fe", signal.SIGKILL, MARGIN)
         self.expect(ended, MARGIN, (137,), ["exited on signal 9"], errors=0)
         self.opens()
 
