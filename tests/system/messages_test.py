@@ -154,7 +154,7 @@ def check(entry):
                                   capture_output=True, text=True, env=ENVIRONMENT, timeout=60)
         except subprocess.TimeoutExpired:
             return None, "no answer in 60 s"
-        return done.returncode, (done.stderr + done.stdout).replace(f"{name}/", "")
+        return done.returncode, (done.stderr + done.stdout).replace(f"{name}/", "").replace(str(BUILD), "build/release")
 
 
 def check_all(entries):
