@@ -99,6 +99,40 @@ Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double allowed, double de
   return foot;
 }
 
+/// The edge goes in through one side of the solid and out through the opposite one, ends within `tolerance`
+/// of the surface included: however thin the solid is, as long as it is thicker than that.
+template <int dim>
+bool SolidSurface<dim>::crossed_by(const Vec<dim>& a, const Vec<dim>& b, double tolerance) const
+{
+  struct Hit
+  {
+    double at; ///< distance from a
+    Vec<dim> normal;
+  };
+  const Vec<dim> edge = b - a;
+  const double length = norm(edge);
+  std::vector<index_t> facets;
+  surface_.within(0.5 * (a + b), 0.5 * length + tolerance, facets);
+  std::vector<Hit> in, out;
+  for (const index_t f : facets)
+  {
+    const std::span<const index_t> only(&f, 1);
+    const Vec<dim> n = surface_.nearest(a, only).normal;
+    const auto corner = static_cast<std::size_t>(surface_.facets()[static_cast<std::size_t>(f)][0]);
+    const double height = dot(n, a - surface_.x()[corner]), slope = dot(n, edge) / length;
+    const double at = -height / slope;
+    if (std::abs(slope) < 1e-9 || at < -tolerance || at > length + tolerance)
+      continue;
+    if (std::abs(surface_.nearest(a + (at / length) * edge, only).gap) < 1e-6 * length)
+      (slope < 0.0 ? in : out).push_back({at, n});
+  }
+  for (const Hit& i : in)
+    for (const Hit& o : out)
+      if (i.at < o.at && dot(i.normal, o.normal) < -0.5)
+        return true;
+  return false;
+}
+
 template <int dim>
 bool SolidSurface<dim>::blocks(std::span<const Vec<dim>> corner, double h) const
 {
@@ -118,38 +152,20 @@ bool SolidSurface<dim>::blocks(std::span<const Vec<dim>> corner, double h) const
   const auto depth = [&](const Vec<dim>& x)
   {
     if (outside_box(x, 0.0))
-      return std::pair{0.0, Vec<dim>{}};
+      return 0.0;
     const auto near = surface_.nearest(x, 4.0 * h);
-    return std::pair{near.facet < 0 || near.beside ? 0.0 : -near.gap, near.normal};
+    return near.facet < 0 || near.beside ? 0.0 : -near.gap;
   };
-  if (depth(centroid).first > covered * h)
+  if (depth(centroid) > covered * h)
     return true;
   for (std::size_t a = 0; a < corner.size(); ++a)
     for (std::size_t b = a + 1; b < corner.size(); ++b)
     {
-      Vec<dim> first{}, last{};
       for (int k = 1; k <= 3; ++k)
-      {
-        const double s = 0.25 * k;
-        const auto [d, n] = depth((1.0 - s) * corner[a] + s * corner[b]);
-        if (d > deep * h)
+        if (depth((1.0 - 0.25 * k) * corner[a] + 0.25 * k * corner[b]) > deep * h)
           return true;
-        if (d > 1e-3 * h) // in through one side and out through the other: a thin solid
-        {
-          first = norm_squared(first) > 0.0 ? first : n;
-          last = n;
-        }
-      }
-      if (dot(first, last) < -0.5)
+      if (crossed_by(corner[a], corner[b], 0.02 * h))
         return true;
-      const Vec<dim> edge = corner[b] - corner[a];
-      if (norm_squared(last) > 0.0)
-      {
-        const auto in = surface_.nearest(corner[a], 0.5 * h), out = surface_.nearest(corner[b], 0.5 * h);
-        if (in.facet >= 0 && out.facet >= 0 && dot(in.normal, out.normal) < -0.5 &&
-            dot(in.normal, edge) < 0.0)
-          return true;
-      }
     }
   return false;
 }

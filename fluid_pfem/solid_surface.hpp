@@ -45,6 +45,7 @@ public:
   bool blocks(std::span<const Vec<dim>> corner, double h) const;
 
 private:
+  bool crossed_by(const Vec<dim>& a, const Vec<dim>& b, double tolerance) const;
   bool outside_box(const Vec<dim>& x, double margin) const;
 
   FacetSurface<dim> surface_;

@@ -5,6 +5,7 @@
 
 Writes docs/benchmarks/fluid_error.md and .png. CPU time of one core, one run each.
 """
+import argparse
 import json
 import subprocess
 from pathlib import Path
@@ -33,6 +34,7 @@ def plot(rows, path):
 
 
 def main():
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_error"], capture_output=True, text=True, check=True)
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     lines = ["# Error against run time", "", "![error over CPU seconds](fluid_error.png)", "",

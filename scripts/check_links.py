@@ -38,6 +38,9 @@ def broken(page):
 
 
 def main():
+    if "-h" in sys.argv or "--help" in sys.argv:
+        print(f"{Path(__file__).name}: {__doc__}")
+        return 0
     pages = [p for p in ROOT.rglob("*.md") if not {"build", "runs", ".git"} & set(p.relative_to(ROOT).parts)]
     found = [text for page in sorted(pages) for text in broken(page)]
     table = (ROOT / "docs" / "verification.md").read_text()

@@ -72,6 +72,30 @@ void prescribe(PrescribedMotion<dim>& motion, const std::array<bool, dim>& which
 } // namespace
 
 template <int dim>
+std::vector<int> parts_that_keep_their_shape(const Mesh<dim>& mesh, const SolidConfig& config,
+                                             const std::map<index_t, PrescribedMotion<dim>>& motion)
+{
+  std::vector<int> part(mesh.x.size(), -1);
+  std::map<std::array<double, dim>, int> part_of_velocity;
+  int parts = 0;
+  for (const auto& [node, prescribed] : motion)
+  {
+    bool all = config.plane != PlaneKind::axisymmetric || prescribed.v[0] == 0.0;
+    for (std::size_t i = 0; i < dim; ++i)
+      all = all && prescribed.fixed[i] && prescribed.function[i] < 0;
+    if (!all)
+      continue;
+    const auto [known, is_new] = part_of_velocity.try_emplace(prescribed.v.c, parts);
+    parts += is_new;
+    part[static_cast<std::size_t>(node)] = known->second;
+  }
+  for (std::size_t k = 0; k < config.rigid.size(); ++k, ++parts)
+    for (const index_t node : find_nodes(mesh, config.rigid[k], "solid.rigid[" + std::to_string(k) + "]"))
+      part[static_cast<std::size_t>(node)] = parts;
+  return part;
+}
+
+template <int dim>
 const Surface& find_surface(const Mesh<dim>& mesh, const std::string& name, const std::string& key)
 {
   const auto found = mesh.surfaces.find(name);
@@ -284,6 +308,10 @@ template std::vector<index_t> find_nodes(const Mesh<2>&, const std::string&, con
 template std::vector<index_t> find_nodes(const Mesh<3>&, const std::string&, const std::string&);
 template std::map<index_t, PrescribedMotion<2>> prescribed_motion(const Mesh<2>&, const SolidConfig&);
 template std::map<index_t, PrescribedMotion<3>> prescribed_motion(const Mesh<3>&, const SolidConfig&);
+template std::vector<int> parts_that_keep_their_shape(const Mesh<2>&, const SolidConfig&,
+                                                      const std::map<index_t, PrescribedMotion<2>>&);
+template std::vector<int> parts_that_keep_their_shape(const Mesh<3>&, const SolidConfig&,
+                                                      const std::map<index_t, PrescribedMotion<3>>&);
 template std::vector<double> facet_weights(const Mesh<2>&, std::span<const index_t>, bool);
 template std::vector<double> facet_weights(const Mesh<3>&, std::span<const index_t>, bool);
 template std::vector<NodalLoad<2>> nodal_loads(const Mesh<2>&, const SolidConfig&);

@@ -46,6 +46,13 @@ struct PrescribedMotion
 template <int dim>
 std::map<index_t, PrescribedMotion<dim>> prescribed_motion(const Mesh<dim>& mesh, const SolidConfig& config);
 
+/// Parts of the solid that keep their shape, whatever happens: a rigid body of `config.rigid`, and nodes all
+/// of whose components are prescribed with the same constant velocity (of a ring: none along the radius).
+/// @return number of the part of each node, −1 of the others, size n_nodes
+template <int dim>
+std::vector<int> parts_that_keep_their_shape(const Mesh<dim>& mesh, const SolidConfig& config,
+                                             const std::map<index_t, PrescribedMotion<dim>>& motion);
+
 /// Dead load of one traction: consistent nodal forces at full load.
 template <int dim>
 struct NodalLoad

@@ -65,7 +65,7 @@ void add_viscous_force(const Body<dim>& body, const Damping& damping, Part part,
       [&](const auto& block)
       {
         const index_t begin = part == Part::interface ? 0 : block.n_interface;
-        const index_t end = part == Part::interface ? block.n_interface : block.size();
+        const index_t end = part == Part::interface ? block.n_interface : block.n_active;
         add_forces(block, damping, body.density, begin, end, u, v, F);
       },
       body.block);
@@ -79,7 +79,7 @@ double damping_bound(const Body<dim>& body, const Damping& damping, std::span<co
     std::visit(
         [&]<class Element>(const ReferenceBlock<Element>& block)
         {
-          for (index_t e = 0; e < block.size(); ++e)
+          for (index_t e = 0; e < block.n_active; ++e)
           {
             const auto k = static_cast<std::size_t>(e);
             const auto g = block.geometry(e);

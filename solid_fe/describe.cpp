@@ -32,6 +32,9 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
           text +=
               fmt::format("  elements   {} {}{}, {} of them touch wet nodes\n", block.size(), Element::name,
                           block.body.empty() ? "" : " of \"" + block.body + "\"", block.n_interface);
+          if (block.n_active < block.size())
+            text += fmt::format("  idle       {} of them: rigid or prescribed as a whole\n",
+                                block.size() - block.n_active);
         },
         body.block);
   if (const Beam* beam = solid.beam())
@@ -40,6 +43,16 @@ std::string describe(const SolidConfig& config, const Solid<dim>& solid, double 
         beam->n_elements(), beam->n_nodes(), 100.0 * beam->added_inertia());
   text += fmt::format("  nodes      {}, {} of them wet\n", solid.nodes().size(), solid.n_wet_nodes());
   text += fmt::format("  mass       {:.9g} kg\n", solid.mass());
+  for (std::size_t k = 0; k < solid.added_mass().size(); ++k)
+    std::visit(
+        [&](const auto& block)
+        {
+          const double added = solid.added_mass()[k], own = solid.bodies()[k].density * block.volume();
+          text += fmt::format(
+              "  added mass {:.6g} kg, {:.3g} % of {}, for a step of {} s\n", added, 100.0 * added / own,
+              block.body.empty() ? "the solid" : "\"" + block.body + "\"", config.scaled_step);
+        },
+        solid.bodies()[k].block);
   Vec<dim> low = solid.nodes().X.front(), high = low;
   for (const auto& X : solid.nodes().X)
     for (int i = 0; i < dim; ++i)

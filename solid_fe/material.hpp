@@ -2,34 +2,30 @@
 #pragma once
 
 #include "solid_fe/deformation.hpp"
+#include "solid_fe/laws.hpp"
 #include "solid_fe/material_config.hpp"
-#include "solid_fe/materials/hencky.hpp"
-#include "solid_fe/materials/j2.hpp"
-#include "solid_fe/materials/johnson_cook.hpp"
-#include "solid_fe/materials/linear.hpp"
-#include "solid_fe/materials/mooney_rivlin.hpp"
-#include "solid_fe/materials/neo_hookean_j.hpp"
-#include "solid_fe/materials/neo_hookean_ln.hpp"
-#include "solid_fe/materials/svk.hpp"
 
 #include <cmath>
 #include <string>
 #include <string_view>
-#include <variant>
 #include <vector>
 
 namespace undine::solid
 {
 
-/// One law, chosen at set-up and visited once per element block. A law is a struct of constants with pure
-/// functions of the displacement gradient H: strain_energy, first_piola, tangent_bound, wave_modulus (see any
-/// file in materials/). A new law is a file materials/<law>.hpp, its name here, and a unit
-/// materials/<law>.cpp of four lines.
-using Material =
-    std::variant<Linear, StVenantKirchhoff, NeoHookeanLn, NeoHookeanJ, Hencky, MooneyRivlin, J2, JohnsonCook>;
+// `Material` (laws.hpp) is one law, chosen at set-up and visited once per element block. A law is a struct of
+// constants with pure functions of the displacement gradient H: strain_energy, first_piola, tangent_bound,
+// wave_modulus (see any file in materials/). A new law is a file materials/<law>.hpp and a line in
+// CMakeLists.txt: docs/new_law.md.
 
 /// Names of the laws, as the case spells them.
 std::vector<std::string> law_names();
+
+/// Keys that only this law reads. @throws InputError for an unknown name
+std::vector<LawKey> law_keys(std::string_view law);
+
+/// Do the points of this law keep a history?
+bool remembers(const Material& material);
 
 /// The law of `config`. @throws InputError for an unknown name
 Material make_material(const MaterialConfig& config);

@@ -1,12 +1,23 @@
 // What a case says about the material; each law picks what it needs.
 #pragma once
 
+#include <functional>
 #include <limits>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace undine::solid
 {
+
+/// A number that one law reads from [solid] under a key of its own, in [low, high]; a law lists them as
+/// `own_keys`.
+struct LawKey
+{
+  std::string_view name, unit, meaning;
+  double usual, low, high;
+};
 
 struct MaterialConfig
 {
@@ -15,7 +26,12 @@ struct MaterialConfig
   double poisson_ratio = 0.0;  ///< in (−1, ½)
   std::string law = "neo_hookean_ln";
 
-  double mooney_share = 0.25; ///< mooney_rivlin: c₀₁ / (c₁₀ + c₀₁), in [0, 1]
+  std::map<std::string, double, std::less<>> own; ///< numbers of the law's own keys, where not as usual
+  double number(const LawKey& key) const
+  {
+    const auto found = own.find(key.name);
+    return found == own.end() ? key.usual : found->second;
+  }
 
   double yield_stress = std::numeric_limits<double>::infinity(); ///< plastic laws [Pa]; infinite: elastic
   double hardening_modulus = 0.0; ///< j2: slope of yield stress over equivalent plastic strain [Pa]

@@ -81,10 +81,9 @@ MaterialConfig read_material(const CaseTable& solid)
       solid.number({"poisson_ratio", "", "Poisson's ratio at small strain"}, strictly_between(-1.0, 0.5));
   material.law = solid.choice({"law", "", "constitutive law; \"linear\" is for small displacements only"},
                               NeoHookeanLn::name, law_names());
-  if (material.law == MooneyRivlin::name)
-    material.mooney_share =
-        solid.number({"mooney_share", "", "share c01/(c10 + c01) of the second invariant, mooney_rivlin"},
-                     0.25, between(0.0, 1.0));
+  for (const auto& key : law_keys(material.law))
+    material.own.emplace(
+        key.name, solid.number({key.name, key.unit, key.meaning}, key.usual, between(key.low, key.high)));
   read_plasticity(solid, material);
   material.mass_damping =
       solid.number({"mass_damping", "1/s", "alpha of the damping force alpha m v"}, 0.0, non_negative());
@@ -136,7 +135,8 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   if (mesh)
   {
     geometry.mesh_file = file.resolve(*mesh);
-    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line", "angle"})
+    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line", "angle",
+                            "inner_radius", "outer_radius"})
       if (solid.has(key))
         solid.fail(key,
                    "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
@@ -144,24 +144,46 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   }
   if (!geometry.line.empty())
   {
-    for (const char* key : {"width", "height", "origin", "element", "elements", "angle"})
+    for (const char* key :
+         {"width", "height", "origin", "element", "elements", "angle", "inner_radius", "outer_radius"})
       if (solid.has(key))
         solid.fail(key, "belongs to the built-in box, but the wall is about solid.line; remove one of them");
     return geometry;
   }
 
   geometry.element = read_element(solid, dim);
-  geometry.size.push_back(solid.number({"width", "m", "size of the box along x"}, positive()));
-  geometry.size.push_back(solid.number({"height", "m", "size of the box along y"}, positive()));
+  const bool is_ring = solid.has("inner_radius") || solid.has("outer_radius");
+  if (is_ring)
+  {
+    if (is_beam)
+      solid.fail("inner_radius", "is of a ring of elements; for a wall of beams give solid.line");
+    for (const char* key : {"width", "height", "angle"})
+      if (solid.has(key))
+        solid.fail(key, "belongs to the box, but the solid is a ring; remove one of them");
+    geometry.inner_radius = solid.number(
+        {"inner_radius", "m", "of a ring about `origin` instead of a box; surfaces inner, outer"},
+        positive());
+    const double outer = solid.number({"outer_radius", "m", "of that ring"}, positive());
+    if (!(outer > geometry.inner_radius))
+      solid.fail("outer_radius", "must be larger than inner_radius");
+    geometry.size = {std::acos(-1.0) * (geometry.inner_radius + outer), outer - geometry.inner_radius};
+  }
+  else
+  {
+    geometry.size.push_back(solid.number({"width", "m", "size of the box along x"}, positive()));
+    geometry.size.push_back(solid.number({"height", "m", "size of the box along y"}, positive()));
+  }
   if (dim == 3)
     geometry.size.push_back(solid.number({"depth", "m", "size of the box along z"}, positive()));
   const auto n = static_cast<std::size_t>(dim);
-  geometry.origin = solid.numbers({"origin", "m", "corner of the box with the smallest coordinates"}, n,
-                                  std::vector<double>(n, 0.0), any_number());
-  geometry.angle =
-      solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
-                   any_number()) *
-      std::acos(-1.0) / 180.0;
+  geometry.origin =
+      solid.numbers({"origin", "m", "corner of the box with the smallest coordinates; centre of a ring"}, n,
+                    std::vector<double>(n, 0.0), any_number());
+  if (!is_ring)
+    geometry.angle =
+        solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
+                     any_number()) *
+        std::acos(-1.0) / 180.0;
   double count = 1.0;
   for (const double size : geometry.size)
     count *= std::max(1.0, size / geometry.element_size);
@@ -170,17 +192,22 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
                                     "hold; are its sizes in metres? Else lower run.resolution",
                                     count, geometry.element_size));
   geometry.elements = element_counts(geometry.size, geometry.element_size);
+  if (is_ring)
+    geometry.elements[0] = std::max(geometry.elements[0], 8);
   if (is_beam) // one quadrilateral across the wall
     geometry.elements[geometry.size[0] < geometry.size[1] ? 0 : 1] = 1;
   const std::vector<double> counted(geometry.elements.begin(), geometry.elements.end());
-  const auto elements = solid.numbers({"elements", "", "number of elements of the box along each axis"}, n,
-                                      counted, between(1.0, 1e6));
+  const auto elements = solid.numbers(
+      {"elements", "", "number of elements of the box along each axis; of a ring around, across, along"}, n,
+      counted, between(1.0, 1e6));
   for (std::size_t i = 0; i < n; ++i)
   {
     geometry.elements[i] = static_cast<int>(elements[i]);
     if (geometry.elements[i] != elements[i])
       solid.fail("elements", "must be whole numbers");
   }
+  if (is_ring && geometry.elements[0] < 3)
+    solid.fail("elements", "must be at least 3 around a ring");
   return geometry;
 }
 
@@ -422,6 +449,15 @@ SolidConfig read_solid_config(const CaseFile& file, int dim, double element_size
                     std::vector<double>(n, 0.0), any_number());
   config.step_safety =
       solid.number({"step_safety", "", "fraction of the stable step that is used"}, 0.9, between(0.01, 1.0));
+  config.measures_frequency =
+      solid.choice({"step_limit", "",
+                    "bound: from the elements, never too long; measured: the true highest frequency, at the "
+                    "start and after large changes (elastic laws, no beams, no rigid bodies)"},
+                   "bound", {"bound", "measured"}) == "measured";
+  config.scaled_step = solid.number({"mass_scaling_step", "s",
+                                     "mass is added where the step at rest would be smaller than this; how "
+                                     "much each set of elements got is told; 0: none"},
+                                    0.0, non_negative());
   read_supports_and_loads(solid, dim, config);
   read_contact(solid, dim, config);
   for (const auto& interface : read_coupling(file).interfaces)

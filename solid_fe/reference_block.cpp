@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <numbers>
-#include <numeric>
 
 namespace undine::solid
 {
@@ -13,20 +12,15 @@ namespace undine::solid
 namespace
 {
 
-/// Order of a block's elements: those with a node below n_wet first, otherwise as in the mesh.
-std::vector<index_t> wet_first(const ElementBlock& elements, index_t n_wet)
+/// 0: touches a wet node; 2: idle, all its nodes belong to one part that keeps its shape; 1: the others.
+int rank_of(std::span<const index_t> nodes, index_t n_wet, std::span<const int> part)
 {
-  const int n = nodes_per_element(elements.type);
-  std::vector<index_t> order(static_cast<std::size_t>(elements.size()));
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_partition(order.begin(), order.end(),
-                        [&](index_t e)
-                        {
-                          const auto first = elements.nodes.begin() + e * n;
-                          return std::any_of(first, first + n,
-                                             [n_wet](index_t node) { return node < n_wet; });
-                        });
-  return order;
+  const auto part_of = [&](index_t node) { return part[static_cast<std::size_t>(node)]; };
+  if (!part.empty() && part_of(nodes[0]) >= 0 &&
+      std::all_of(nodes.begin(), nodes.end(),
+                  [&](index_t node) { return part_of(node) == part_of(nodes[0]); }))
+    return 2;
+  return std::any_of(nodes.begin(), nodes.end(), [n_wet](index_t node) { return node < n_wet; }) ? 0 : 1;
 }
 
 [[noreturn]] void fail_inverted(const char* name, index_t number, const std::string& body, double x, double y)
@@ -129,18 +123,27 @@ ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const El
                 Lanes::size * sizeof(ElementGeometry<Element, double>));
   ReferenceBlock<Element> block;
   block.body = elements.body;
-  const auto order = wet_first(elements, n_wet);
-  block.nodes.reserve(order.size());
-  block.number.reserve(order.size());
-  for (const index_t e : order)
+  constexpr bool together = Element::dilatation == Dilatation::of_nodes;
+  const auto size = static_cast<std::size_t>(elements.size());
+  std::vector<int> rank(size);
+  for (std::size_t e = 0; e < size; ++e)
+    rank[e] = rank_of(std::span(elements.nodes).subspan(e * Element::nodes, Element::nodes), n_wet,
+                      together ? std::span<const int>{} : options.part);
+  block.nodes.reserve(size);
+  block.number.reserve(size);
+  for (const int wanted : {0, 1, 2}) // otherwise as in the mesh
   {
-    auto& nodes = block.nodes.emplace_back();
-    std::copy_n(elements.nodes.begin() + e * Element::nodes, Element::nodes, nodes.begin());
-    block.number.push_back(first_number + e);
-    if (std::any_of(nodes.begin(), nodes.end(), [n_wet](index_t node) { return node < n_wet; }))
-      ++block.n_interface;
+    for (std::size_t e = 0; e < size; ++e)
+      if (rank[e] == wanted)
+      {
+        const auto first = static_cast<std::ptrdiff_t>(e * Element::nodes);
+        std::copy_n(elements.nodes.begin() + first, Element::nodes, block.nodes.emplace_back().begin());
+        block.number.push_back(first_number + static_cast<index_t>(e));
+      }
+    if (wanted < 2)
+      (wanted == 0 ? block.n_interface : block.n_active) = block.size();
   }
-  if (Element::dilatation == Dilatation::of_nodes && block.n_interface > 0)
+  if (together && block.n_interface > 0)
     block.n_interface = block.size();
 
   for (index_t e = 0; e < block.size(); ++e)

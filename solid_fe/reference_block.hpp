@@ -36,8 +36,9 @@ struct ElementGeometry
 };
 
 /// Everything the element loops need. Total-Lagrangian: computed once. Elements are kept in packs: first
-/// those that touch wet nodes, then the others, so that each part is made of whole packs (the last one filled
-/// up with copies of its last element, which count for nothing).
+/// those that touch wet nodes, then the others, then the idle ones, which keep their shape for ever; each
+/// part is made of whole packs (the last one filled up with copies of its last element, which count for
+/// nothing).
 template <class ElementShape>
 struct ReferenceBlock
 {
@@ -51,29 +52,44 @@ struct ReferenceBlock
   std::vector<double> delta;                  ///< the same for a divergence
   std::vector<double> hourglass_inverse_mass; ///< one-point elements: max_k Σ_a γ_ka²/M_ea [1/kg]
   index_t n_interface = 0;                    ///< the first n_interface elements touch wet nodes
-  std::string body;                           ///< physical group, "" if none
+  index_t n_active = 0; ///< elements from here on lie in one rigid or prescribed part: no forces, no bound
+  std::string body;     ///< physical group, "" if none
 
   index_t size() const { return static_cast<index_t>(nodes.size()); }
   double volume() const; ///< [m^dim]
 
-  index_t n_interface_packs() const { return (n_interface + Lanes::size - 1) / Lanes::size; }
+  index_t n_interface_packs() const { return packs_of(n_interface); }
+  index_t n_active_packs() const { return n_interface_packs() + packs_of(n_active - n_interface); }
   /// Pack of element `e`, and its lane there.
   std::pair<index_t, int> place(index_t e) const
   {
-    if (e < n_interface)
-      return {e / Lanes::size, e % Lanes::size};
-    const index_t k = e - n_interface;
-    return {n_interface_packs() + k / Lanes::size, k % Lanes::size};
+    const Range range = range_of(e >= n_interface, e >= n_active);
+    const index_t k = e - range.first;
+    return {range.first_pack + k / Lanes::size, k % Lanes::size};
   }
   /// First element of pack `p`, and how many it holds.
   std::pair<index_t, int> elements_of(index_t p) const
   {
-    const bool interface = p < n_interface_packs();
-    const index_t first = interface ? p * Lanes::size : n_interface + (p - n_interface_packs()) * Lanes::size;
-    const index_t end = interface ? n_interface : size();
-    return {first, static_cast<int>(end - first < Lanes::size ? end - first : Lanes::size)};
+    const Range range = range_of(p >= n_interface_packs(), p >= n_active_packs());
+    const index_t first = range.first + (p - range.first_pack) * Lanes::size, rest = range.end - first;
+    return {first, static_cast<int>(rest < Lanes::size ? rest : Lanes::size)};
   }
   ElementGeometry<Element, double> geometry(index_t e) const; ///< of one element
+
+private:
+  /// Elements [first, end) that fill whole packs from first_pack on.
+  struct Range
+  {
+    index_t first, first_pack, end;
+  };
+  Range range_of(bool behind_interface, bool idle) const
+  {
+    if (!behind_interface)
+      return {0, 0, n_interface};
+    return idle ? Range{n_active, n_active_packs(), size()}
+                : Range{n_interface, n_interface_packs(), n_active};
+  }
+  static index_t packs_of(index_t n) { return (n + Lanes::size - 1) / Lanes::size; }
 };
 
 template <int dim>
@@ -199,11 +215,12 @@ struct BlockOptions
   Formulation formulation = Formulation::full;
   PlaneKind plane = PlaneKind::strain;
   double hourglass_modulus = 0.0; ///< K = this × V Σ_a |∇N_a|² [Pa]
+  std::span<const int> part;      ///< see parts_that_keep_their_shape; empty: none
 };
 
 /// Blocks of the mesh's elements of dimension `dim`, elements that touch nodes below `n_wet` first in each
-/// block (all of a block with nodal dilatation if one does: its elements work together); adds the row-sum
-/// volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
+/// block (all of a block with nodal dilatation if one does: its elements work together, and none is idle);
+/// adds the row-sum volumes ∫ N_a dV of all elements into `nodal_volume` (size n_nodes).
 /// @throws InputError (exit code 4) for an element that is inverted in the reference state: number and
 /// position; and for an element type that has not this formulation in this plane
 template <int dim>

@@ -329,6 +329,12 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
   summary.set("elements", static_cast<long long>(solid.n_elements()));
   summary.set("smallest_step", result.smallest_step);
   summary.set("mass", solid.mass());
+  if (!solid.added_mass().empty())
+    for (std::size_t k = 0; k < solid.bodies().size(); ++k)
+    {
+      const auto name = std::visit([](const auto& block) { return block.body; }, solid.bodies()[k].block);
+      summary.set("added_mass." + (name.empty() ? "body_" + std::to_string(k) : name), solid.added_mass()[k]);
+    }
   summary.set("mass_drift", result.mass_drift);
   summary.set("energy_drift", result.energy_drift);
   summary.set("energy_drift_definition",

@@ -5,6 +5,7 @@
 #include "solid_fe/critical_time_step.hpp"
 #include "solid_fe/frequency_bounds.hpp"
 #include "solid_fe/strip.hpp"
+#include "solid_fe/true_frequency.hpp"
 
 #include <fmt/format.h>
 
@@ -15,6 +16,15 @@
 namespace undine::solid
 {
 
+namespace
+{
+
+/// Verlet's scheme has a resonance of third order at ωΔt = √3 (Schlick et al. 1998), 0.866 of the limit,
+/// where large motion makes the highest modes grow; the element bound's step stays below it by its slack.
+constexpr double below_resonance = 0.85;
+
+} // namespace
+
 template <int dim>
 Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     : reference_(number_wet_nodes_first(mesh, config.wet)), wet_(config.wet),
@@ -22,20 +32,40 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
 {
   const auto n = reference_.mesh.x.size();
   std::vector<double> nodal_volume(n, 0.0);
+  const bool is_beam = config.formulation == Formulation::beam;
+  const auto motion =
+      is_beam ? std::map<index_t, PrescribedMotion<dim>>{} : prescribed_motion(reference_.mesh, config);
+  const auto part = parts_that_keep_their_shape(reference_.mesh, config, motion);
   const Material material = make_material(config.material);
   const double modulus = config.material.youngs_modulus; // of the hourglass control: does not grow near ν = ½
-  const BlockOptions options{.formulation = config.formulation,
-                             .plane = config.plane,
-                             .hourglass_modulus = config.hourglass_stiffness * modulus};
-  const bool is_beam = config.formulation == Formulation::beam;
-  for (auto& block : is_beam ? std::vector<AnyBlock<dim>>{}
-                             : reference_blocks(reference_.mesh, reference_.n_wet, options,
-                                                std::span<double>(nodal_volume)))
+  BlockOptions options{.formulation = config.formulation,
+                       .plane = config.plane,
+                       .hourglass_modulus = config.hourglass_stiffness * modulus,
+                       .part = config.skips_idle_elements ? part : std::span<const int>{}};
+  const auto make_blocks = [&]
+  {
+    std::fill(nodal_volume.begin(), nodal_volume.end(), 0.0);
+    return is_beam ? std::vector<AnyBlock<dim>>{}
+                   : reference_blocks(reference_.mesh, reference_.n_wet, options,
+                                      std::span<double>(nodal_volume));
+  };
+  auto blocks = make_blocks();
+  const auto is_idle = [](const auto& block) { return block.n_active == 0; };
+  if (std::all_of(blocks.begin(), blocks.end(), [&](const auto& any) { return std::visit(is_idle, any); }))
+  {
+    options.part = {}; // nothing else would say how long a step and how stiff a contact may be
+    blocks = make_blocks();
+  }
+  for (auto& block : blocks)
   {
     auto& body = bodies_.emplace_back(
         Body<dim>{std::move(block), material, config.material.density, config.plane == PlaneKind::stress});
     body.state = virgin_state(body, reference_.mesh.n_nodes());
   }
+  measures_frequency_ = config.measures_frequency;
+  if (measures_frequency_ && (is_beam || !config.rigid.empty() || remembers(material)))
+    throw InputError("solid.step_limit = \"measured\": goes with elastic laws only, without beams and rigid "
+                     "bodies; use \"bound\"");
   damping_ = {.mass = config.material.mass_damping,
               .stiffness = config.material.stiffness_damping,
               .elastic = elastic_constants(config.material.youngs_modulus, config.material.poisson_ratio),
@@ -51,8 +81,6 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     throw InputError("mesh: no element of dimension " + std::to_string(dim) + " in the solid's mesh",
                      ExitCode::bad_input_file);
 
-  const auto motion =
-      is_beam ? std::map<index_t, PrescribedMotion<dim>>{} : prescribed_motion(reference_.mesh, config);
   loads_ = nodal_loads(reference_.mesh, config);
   formula_loads_ = formula_loads(reference_.mesh, config);
   body_force_ = FieldFunction(config.body_force_function, "solid.body_force_function");
@@ -66,12 +94,23 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   nodes_.m.resize(n);
   nodes_.inverse_mass.resize(n);
   for (std::size_t k = 0; k < n; ++k)
-  {
     nodes_.m[k] = config.material.density * nodal_volume[k];
+  given_mass_ = nodes_.m;
+  const double bound = bound_frequencies<dim>(bodies_, nodes_.m);
+  if (config.scaled_step > 0.0)
+  {
+    if (is_beam)
+      throw InputError(
+          "solid.mass_scaling_step: a beam takes no added mass; its rotary inertia is scaled already");
+    // 2 step_safety / ω is the step; a little less is allowed, so that it is reached in spite of round-off
+    const double allowed = std::pow(2.0 * step_safety_ / config.scaled_step, 2) * (1.0 - 1e-9);
+    added_mass_.resize(bodies_.size());
+    if (bound > allowed)
+      added_mass_ = scale_masses<dim>(bodies_, allowed, nodes_.m);
+  }
+  for (std::size_t k = 0; k < n; ++k)
     for (int i = 0; i < dim; ++i)
       nodes_.inverse_mass[k][i] = is_beam ? 0.0 : 1.0 / nodes_.m[k]; // ends of fibres move with these only
-  }
-  bound_frequencies<dim>(bodies_, nodes_.m);
   for (const auto& [node, prescribed] : motion)
     for (int i = 0; i < dim; ++i)
       if (prescribed.fixed[static_cast<std::size_t>(i)])
@@ -100,11 +139,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   }
   if (!config.wall.empty() || !config.contact.empty())
   {
-    double omega2 = 0.0;
-    for (const auto& body : bodies_)
-      omega2 = std::max(omega2, highest_frequency_squared(body, std::span<const Vec<dim>>(nodes_.u)));
-    if (beam_)
-      omega2 = beam_->highest_frequency_squared();
+    const double omega2 = beam_ ? beam_->highest_frequency_squared() : bound_of_frequency_squared();
     contact_.emplace(config, reference_.mesh, nodes_, omega2);
     F_contact_.resize(n);
     F_contact_old_.resize(n);
@@ -205,6 +240,8 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
   std::copy_n(nodes_.a.begin(), a_free_wet_.size(), a_free_wet_.begin());
   std::fill(f_link_.begin(), f_link_.end(), Vec<dim>{});
   start_balances();
+  measured_bound_ = 0.0;
+  measure_frequency();
 }
 
 template <int dim>
@@ -213,7 +250,7 @@ void Solid<dim>::start_balances()
   load_work_ = driven_work_ = interface_work_ = viscous_work_ = contact_work_ = 0.0;
   gravity_reference_ = 0.0;
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    gravity_reference_ += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
+    gravity_reference_ += given_mass_[n] * dot(gravity_, nodes_.u[n]);
   for (auto& driven : driven_)
   {
     driven.reaction = driven_force(driven);
@@ -581,12 +618,17 @@ link::Kinematics Solid<dim>::interface_kinematics() const
 template <int dim>
 double Solid<dim>::critical_time_step() const
 {
-  double dt = std::numeric_limits<double>::infinity();
   const std::span<const Vec<dim>> u(nodes_.u);
+  const double contact = contact_ ? contact_->frequency_squared() : 0.0;
+  double dt = std::numeric_limits<double>::infinity(), measured = dt;
   for (const auto& body : bodies_)
-    dt = std::min(
-        dt, stable_step(highest_frequency_squared(body, u) + (contact_ ? contact_->frequency_squared() : 0.0),
-                        damping_bound(body, damping_, u)));
+  {
+    const double bound = highest_frequency_squared(body, u), damping = damping_bound(body, damping_, u);
+    dt = std::min(dt, stable_step(bound + contact, damping));
+    measured = std::min(measured, stable_step(frequency_ratio_ * bound + contact, damping));
+  }
+  if (measures_frequency_ && std::isfinite(measured)) // the bound's step is never too long either
+    return std::max(step_safety_ * dt, std::min(step_safety_, below_resonance) * measured);
   if (beam_)
   {
     // Damping acts at the ends of the fibres: on the rotation with the arm squared.
@@ -603,6 +645,29 @@ double Solid<dim>::critical_time_step() const
 }
 
 template <int dim>
+void Solid<dim>::measure_frequency()
+{
+  if (!measures_frequency_)
+    return;
+  const double bound = bound_of_frequency_squared();
+  const bool large_change = !(std::abs(bound - measured_bound_) <= 0.05 * measured_bound_);
+  if (measured_bound_ > 0.0 && !large_change && step_ - measured_step_ < 2000)
+    return;
+  frequency_ratio_ = std::min(1.0, true_frequency_squared(*this) / bound);
+  measured_bound_ = bound;
+  measured_step_ = step_;
+}
+
+template <int dim>
+double Solid<dim>::bound_of_frequency_squared() const
+{
+  double omega2 = 0.0;
+  for (const auto& body : bodies_)
+    omega2 = std::max(omega2, highest_frequency_squared(body, std::span<const Vec<dim>>(nodes_.u)));
+  return omega2;
+}
+
+template <int dim>
 Energies Solid<dim>::energies() const
 {
   Energies e;
@@ -610,7 +675,7 @@ Energies Solid<dim>::energies() const
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
   {
     e.kinetic += 0.5 * nodes_.m[n] * norm_squared(nodes_.v[n]);
-    gravity_work += nodes_.m[n] * dot(gravity_, nodes_.u[n]);
+    gravity_work += given_mass_[n] * dot(gravity_, nodes_.u[n]);
   }
   if (beam_)
   {
@@ -840,7 +905,7 @@ void Solid<dim>::update_external_force(double t)
   if (loads_are_full_ && F_formula_.empty())
     return;
   for (std::size_t n = 0; n < F_ext_.size(); ++n)
-    F_ext_[n] = nodes_.m[n] * gravity_;
+    F_ext_[n] = given_mass_[n] * gravity_;
   loads_are_full_ = true;
   for (const auto& load : loads_)
   {
@@ -855,7 +920,7 @@ void Solid<dim>::update_external_force(double t)
   std::fill(F_formula_.begin(), F_formula_.end(), Vec<dim>{});
   if (!body_force_.empty())
     for (std::size_t n = 0; n < F_formula_.size(); ++n)
-      F_formula_[n] += nodes_.m[n] * body_force_.vector(nodes_.X[n], t);
+      F_formula_[n] += given_mass_[n] * body_force_.vector(nodes_.X[n], t);
   for (const auto& load : formula_loads_)
     load.add(t, nodes_.X, nodes_.u, F_formula_);
   for (std::size_t n = 0; n < F_ext_.size(); ++n)
@@ -940,6 +1005,9 @@ void Solid<dim>::for_each_state(StateArchive& archive)
   archive("driven_fibres", driven_fibres_);
   archive("theta_sent", theta_sent_);
   archive("F_free", F_free_);
+  archive("frequency_ratio", frequency_ratio_);
+  archive("measured_bound", measured_bound_);
+  archive("measured_step", measured_step_);
 }
 
 template <int dim>

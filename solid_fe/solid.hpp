@@ -62,7 +62,7 @@ public:
   Solid(const SolidConfig& config, const Mesh<dim>& mesh);
 
   /// Start over from u(X) [m] and v(X) [m/s] at time t; prescribed velocities win over v. Balances start at
-  /// zero.
+  /// zero. Parts that are rigid or prescribed as a whole must keep their shape.
   void set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
                   const std::function<Vec<dim>(const Vec<dim>&)>& v, double t = 0.0);
 
@@ -100,7 +100,12 @@ public:
   /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s].
   double critical_time_step() const;
   Energies energies() const;
-  double mass() const; ///< [kg]
+  double mass() const; ///< with what mass scaling added [kg]
+  /// What mass scaling added to each body [kg]; loads per mass do not act on it. Empty without mass scaling.
+  const std::vector<double>& added_mass() const { return added_mass_; }
+  /// Measure the true highest frequency again if that is asked for and the solid has changed much (the bound
+  /// by 5 %, or 2000 steps) since the last time.
+  void measure_frequency();
   /// Force that the part of the solid in front of the plane through `point` along `normal` (in the reference
   /// state) feels from the part behind it [N], and its moment about the point where `point` is nearest to now
   /// [N m].
@@ -190,6 +195,7 @@ private:
   bool at_once() const { return beam_ || (contact_ && contact_->by_impulse()); }
   void count_works(double dt);
   void solve_rigid_bodies(double dt);
+  double bound_of_frequency_squared() const;   ///< of the elements, without contact [1/s²]
   double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
@@ -228,6 +234,13 @@ private:
   std::vector<Vec<dim>> a_free_wet_; ///< M⁻¹ (F_ext − F_int) of the wet nodes at the last instant [m/s²]
   std::vector<Vec<dim>> f_link_;     ///< last link force [N]
   std::vector<Vec<dim>> step_of_wet_; ///< Δu of the wet nodes (of a beam: all nodes) in this step [m]
+
+  std::vector<double> given_mass_;  ///< of the nodes, without mass scaling [kg]
+  std::vector<double> added_mass_;  ///< by mass scaling, of each body [kg]
+  bool measures_frequency_ = false; ///< the bound is multiplied by the ratio that was measured last
+  double frequency_ratio_ = 1.0;    ///< true highest frequency squared over the bound
+  double measured_bound_ = 0.0;     ///< the bound then [1/s²]
+  std::int64_t measured_step_ = 0;
 
   double dt_before_ = 0.0;           ///< of the step before this one
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes

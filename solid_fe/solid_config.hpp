@@ -87,6 +87,8 @@ struct GeometryConfig
       line; ///< x, y, x, y, …: middle line of a thin wall [m]; instead of the box if not empty
   double thickness = 0.0;    ///< of that wall, or of one about the two-node elements of the mesh file [m]
   double element_size = 0.0; ///< along the line [m]
+  double inner_radius = 0.0; ///< of a ring about `origin`, in 3-D along z: size and elements are those of the
+                             ///< box around, across (and along); 0: a box [m]
   double angle = 0.0;        ///< the box is turned by this about its origin, in the x-y plane [rad]
 };
 
@@ -113,7 +115,10 @@ struct SolidConfig
   ContactMethod contact_method = ContactMethod::penalty;
   double contact_stiffness = 0.1; ///< penalty stiffness relative to ω² m
   std::vector<WetConfig> wet;
-  double step_safety = 0.9; ///< fraction of the stable step that is offered
+  double step_safety = 0.9;        ///< fraction of the stable step that is offered
+  double scaled_step = 0.0;        ///< mass is added until the step at rest is this [s]; 0: none
+  bool measures_frequency = false; ///< the true highest frequency instead of the bound, see step_limit.hpp
+  bool skips_idle_elements = true; ///< false only to compare: elements that keep their shape work like others
 };
 
 /// The mesh the configuration asks for: generated, or read.

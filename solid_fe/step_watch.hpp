@@ -24,7 +24,7 @@ public:
   bool is_due(const Solid<dim>& solid) const { return solid.steps() >= next_; }
 
   /// The step limit now [s]; computed only if due.
-  double limit(const Solid<dim>& solid)
+  double limit(Solid<dim>& solid)
   {
     if (is_due(solid))
       look(solid);
@@ -42,8 +42,9 @@ public:
   }
 
 private:
-  void look(const Solid<dim>& solid)
+  void look(Solid<dim>& solid)
   {
+    solid.measure_frequency();
     const double bound = solid.critical_time_step();
     const std::int64_t passed = std::max<std::int64_t>(1, solid.steps() - last_);
     const double rate =

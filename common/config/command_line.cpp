@@ -53,6 +53,13 @@ CommandLine parse_command_line(std::string_view role, int argc, const char* cons
     app.add_option("--modes", line.modes, "print this many natural frequencies of the solid and end")
         ->check(CLI::PositiveNumber);
   app.add_flag("--version", version, "print the version");
+  app.footer("Keys of the case: docs/case-file.md. Exit codes: 0 reached the end, 2 mistake in case or "
+             "command line, 3 stopped on "
+             "request,\n4 file cannot be read, 10 numerical failure, 11 output failed, 31 to 37 the programs "
+             "do not go "
+             "together, 40 a partner\nfailed; README.md has all. Without a coupler on the mpirun line a "
+             "program runs its part alone.\n"
+             "Example: mpirun -n 1 coupler case.toml : -n 1 fluid_pfem case.toml : -n 1 solid_fe case.toml");
   try
   {
     app.parse(argc, argv);

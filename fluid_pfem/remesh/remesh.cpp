@@ -3,6 +3,7 @@
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
+#include "fluid_pfem/remesh/beside_solid.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 
@@ -40,10 +41,20 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
                                            around_corner * nodes_.h[static_cast<std::size_t>(e[0])]);
                   });
   if (!solid_.empty())
+  {
+    std::vector<Simplex<dim>> erased;
     std::erase_if(simplices,
-                  [&](const Simplex<dim>& e) {
-                    return solid_.blocks(corners<dim>(nodes_.x, e), nodes_.h[static_cast<std::size_t>(e[0])]);
+                  [&](const Simplex<dim>& e)
+                  {
+                    const bool blocked =
+                        solid_.blocks(corners<dim>(nodes_.x, e), nodes_.h[static_cast<std::size_t>(e[0])]);
+                    if (blocked)
+                      erased.push_back(e);
+                    return blocked;
                   });
+    const auto filled = fill_beside<dim>(solid_, nodes_.x, nodes_.h, erased, config_.remesh.shape.keep);
+    simplices.insert(simplices.end(), filled.begin(), filled.end());
+  }
   return simplices;
 }
 

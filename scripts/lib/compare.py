@@ -145,6 +145,8 @@ def measure(kind, t, y, t_ref, y_ref, band=None, window=None):
     end = min(t[-1], t_ref[-1])
     if kind == "relative_L2":
         inside = (t >= t_ref[0]) & (t <= end)
+        if inside.sum() < 2:
+            return float("nan"), float("nan"), float("nan")
         dt = np.gradient(t[inside])
         target = interpolate(t[inside], t_ref, y_ref)
         scale = np.sqrt(np.sum(dt * target**2))
@@ -170,6 +172,8 @@ def measure(kind, t, y, t_ref, y_ref, band=None, window=None):
         if t[-1] < last - 1e-9:
             return float("nan"), float("nan"), float("nan")
         (t, y), (t_ref, y_ref) = ((c[(c >= first) & (c <= last)], v[(c >= first) & (c <= last)]) for c, v in ((t, y), (t_ref, y_ref)))
+        if not (len(t) and len(t_ref)):
+            return float("nan"), float("nan"), float("nan")
         value, target = (c[np.argmax(v)] if kind == "peak_time" else np.max(v) for c, v in ((t, y), (t_ref, y_ref)))
         low, high = band
         return value, target, max(low - value, value - high, 0.0) / (0.5 * (low + high))

@@ -382,9 +382,8 @@ index_t add_forces(const ReferenceBlock<Element>& block, const Law& law, Part pa
   }
   else
   {
-    const auto packs = static_cast<index_t>(block.pack.size());
     const index_t begin = part == Part::interface ? 0 : block.n_interface_packs();
-    const index_t end = part == Part::interface ? block.n_interface_packs() : packs;
+    const index_t end = part == Part::interface ? block.n_interface_packs() : block.n_active_packs();
     if constexpr (runs_in_lanes<Law>())
       return add_forces_in_lanes(block, law, begin, end, u, dt, state, F_int);
     else

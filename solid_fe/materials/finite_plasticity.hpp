@@ -215,7 +215,7 @@ private:
                    work = static_cast<std::size_t>(work_at(dim)),
                    rise = static_cast<std::size_t>(rise_at(dim)),
                    heat = static_cast<std::size_t>(heat_at(dim));
-    Real scale(1.0), increments(0.0), stress_before(0.0);
+    Real scale(1.0), before_over_after(1.0); // of the equivalent stress
     for (int k = 0; k < lanes_of<Real>; ++k)
     {
       if (!lane(yields, k))
@@ -226,29 +226,37 @@ private:
       const double after = lane(equivalent, k) - slope * increment;
       set_lane(scale, k, after / lane(equivalent, k));
       set_lane(h[strain], k, before + increment);
-      set_lane(increments, k, increment);
-      set_lane(stress_before, k, hardening.yield_stress(before, dt > 0.0 ? increment / dt : 0.0, heating));
+      const double stress_before = hardening.yield_stress(before, dt > 0.0 ? increment / dt : 0.0, heating);
+      set_lane(before_over_after, k, stress_before / after);
     }
     s = scale * s;
 
     // b̄ᵉ = s/μ + x I with det b̄ᵉ = 1: Newton's method from the trial value, where x differs by O(|s/μ|²).
     const auto deviator = Real(1.0 / elastic.shear_modulus) * s;
-    const Real half_square = Real(0.5) * deviator.squared(), det = deviator.determinant();
-    Real x = Real(1.0) + mean;
-    for (int iteration = 0; iteration < 3; ++iteration)
-      x = x - (x * x * x - half_square * x + det - Real(1.0)) / (Real(3.0) * x * x - half_square);
+    const auto mean_of = [&](const Symmetric<dim, Real>& of)
+    {
+      const Real half_square = Real(0.5) * of.squared(), det = of.determinant();
+      Real x = Real(1.0) + mean;
+      for (int iteration = 0; iteration < 3; ++iteration)
+        x = x - (x * x * x - half_square * x + det - Real(1.0)) / (Real(3.0) * x * x - half_square);
+      return x;
+    };
+    const Real x = mean_of(deviator), x_before = mean_of(before_over_after * deviator);
 
-    // Plastic work: what the return takes from the elastic energy, less what the trial stress, which the
-    // solid never feels, seemed to have worked: ½(P + P_old):ΔF = ΔW + this, to second order in the step. (σ
-    // Δα is not it: the flow along n spends τ:n b̄ᵉ⁻¹ …, which differs from |s| by O(s/μ) wherever tr n³ ≠ 0,
-    // as in tension.)
+    // Plastic work: what the return takes from the elastic energy μ/2 (tr b̄ᵉ − 3), less what the trial
+    // stress, which the solid never feels, seemed to have worked: ½(P + P_old):ΔF = ΔW + this, to second
+    // order in the step. The second part is ½ (s_trial − s):d Δt; and ½ (s_before + s_trial):d Δt is the
+    // change of the elastic energy from the yield surface before, in the direction of s, to the trial state.
+    // (σ Δα is not it: the flow along n spends τ:n b̄ᵉ⁻¹ …, which differs from |s| by O(s/μ) wherever tr n³ ≠
+    // 0, as in tension.)
     for (int k = 0; k < lanes_of<Real>; ++k)
     {
       if (!lane(yields, k))
         continue;
-      const double released = 1.5 * elastic.shear_modulus * (lane(mean, k) + 1.0 - lane(x, k));
-      const double increment = lane(increments, k);
-      const double spent = released - 0.5 * increment * (lane(equivalent, k) - lane(stress_before, k));
+      const double trial = lane(mean, k) + 1.0, after = lane(scale, k); // the latter over the trial stress
+      const double share = (1.0 - after) / (1.0 + after * lane(before_over_after, k));
+      const double spent =
+          1.5 * elastic.shear_modulus * (trial - lane(x, k) - share * (trial - lane(x_before, k)));
       set_lane(h[work], k, lane(h[work], k) + spent);
       if (Hardening::heats)
         set_lane(h[heat], k, lane(h[heat], k) + hardening.heating(spent));

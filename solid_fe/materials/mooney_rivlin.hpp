@@ -4,6 +4,8 @@
 #include "solid_fe/material_config.hpp"
 #include "solid_fe/materials/principal.hpp"
 
+#include <array>
+
 namespace undine::solid
 {
 
@@ -12,12 +14,14 @@ struct MooneyRivlin
 {
   static constexpr const char* name = "mooney_rivlin";
   static constexpr bool small_strain = false;
+  static constexpr std::array own_keys = {LawKey{
+      "mooney_share", "", "share c01/(c10 + c01) of the second invariant, mooney_rivlin", 0.25, 0.0, 1.0}};
   double c10 = 0.0, c01 = 0.0, lambda = 0.0; ///< λ is λ' of the formulas [Pa]
 
   static MooneyRivlin from(const MaterialConfig& config)
   {
     const auto elastic = elastic_constants(config.youngs_modulus, config.poisson_ratio);
-    const double c01 = 0.5 * elastic.shear_modulus * config.mooney_share;
+    const double c01 = 0.5 * elastic.shear_modulus * config.number(own_keys[0]);
     return {.c10 = 0.5 * elastic.shear_modulus - c01, .c01 = c01, .lambda = elastic.lame_lambda - 4.0 * c01};
   }
 

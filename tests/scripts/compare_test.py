@@ -41,6 +41,12 @@ class Measures(unittest.TestCase):
         # A ripple may move a minimum by half its own period, 1/400, at both ends of 3 to 4 periods.
         self.assertAlmostEqual(compare.period(self.t, ripple), 0.2, delta=2.0 / 400.0 / 3.0)
 
+    def test_a_run_that_ends_before_its_reference_begins_is_not_measured(self):
+        t, later = np.linspace(0.0, 0.02, 5), np.linspace(0.1, 0.2, 5)
+        for kind in ("relative_L2", "peak", "peak_time"):
+            value, target, error = compare.measure(kind, t, t, later, later, band=(0.1, 0.2))
+            self.assertTrue(np.isnan(error), kind)
+
     def test_an_unknown_measure_is_named(self):
         with self.assertRaisesRegex(ValueError, "no_such"):
             compare.measure("no_such", self.t, self.t, self.t, self.t)

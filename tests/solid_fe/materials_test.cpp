@@ -239,7 +239,8 @@ TEST_CASE("uniaxial strain gives the closed-form stress of each law", "[solid][u
   check(StVenantKirchhoff{rubber}, s * (lambda + 2 * mu) * E, lambda * E / s);
   check(NeoHookeanLn{rubber}, (mu * (s * s - 1.0) + lambda * ln_s) / s, lambda * ln_s / s);
   check(Hencky{rubber}, (lambda + 2 * mu) * ln_s / s, lambda * ln_s / s);
-  const auto mooney = MooneyRivlin::from({.youngs_modulus = 1e6, .poisson_ratio = 0.4, .mooney_share = 0.25});
+  const auto mooney =
+      MooneyRivlin::from({.youngs_modulus = 1e6, .poisson_ratio = 0.4, .own = {{"mooney_share", 0.25}}});
   // I₁ b − b² − 2I at b = diag(1, s², 1): 2 (s² − 1) along y, s² − 1 across.
   const double ln_part = (lambda - 4.0 * mooney.c01) * ln_s / s;
   check(mooney, (2.0 * mooney.c10 + 4.0 * mooney.c01) * (s * s - 1.0) / s + ln_part,
@@ -276,7 +277,8 @@ TEST_CASE("simple shear gives the closed-form stress of each law", "[solid][unit
   // ε = asinh(k/2) (n₁⊗n₁ − n₂⊗n₂): σ₁₂ = 2μ asinh(k/2) 2/√(4 + k²), σ₁₁ = −σ₂₂ = σ₁₂ k/2.
   const double hencky = 4.0 * mu * std::asinh(0.5 * k) / std::sqrt(4.0 + k * k);
   check(Hencky{rubber}, 0.5 * k * hencky, -0.5 * k * hencky, 0.0, hencky);
-  const auto mooney = MooneyRivlin::from({.youngs_modulus = 1e6, .poisson_ratio = 0.4, .mooney_share = 0.25});
+  const auto mooney =
+      MooneyRivlin::from({.youngs_modulus = 1e6, .poisson_ratio = 0.4, .own = {{"mooney_share", 0.25}}});
   // B = b − I: I₁ b − b² − 2I = tr B I + (1 + tr B) B − B², B² = [[k⁴ + k², k³], [k³, k²]], tr B = k².
   const double k2 = k * k, c = 2.0 * mooney.c01;
   check(mooney, 2.0 * mooney.c10 * k2 + c * (k2 + (1.0 + k2) * k2 - k2 * k2 - k2), c * (k2 - k2), c * k2,

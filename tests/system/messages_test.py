@@ -41,7 +41,7 @@ $EndElements
 BOX = 'origin = [0.0, 0.0]            # m\nwidth = 0.05                   # m\nheight = 0.25                  # m\nelement = "Q4"'
 LONE = '\n[[fluid.wall]]\npoints = {points}\n'
 # (what is wrong, case, [(from, to)], options, exit code, parts of the message)
-COLUMN, BAR, TANK = "elastic_column", "bar_wave", "dam_break"
+COLUMN, BAR, TANK, GATES = "elastic_column", "bar_wave", "dam_break", "two_gates"
 BROKEN = [
     # the file
     ("a misspelt key", COLUMN, [("viscosity = 0.0", "viscocity = 0.0")], [], 2, ["case.toml:", "unknown key 'fluid.viscocity': did you mean 'viscosity'?", "^"]),
@@ -61,6 +61,10 @@ BROKEN = [
      ["fluid.sound_speed = 1483.0: give either bulk_modulus or sound_speed, not both"]),
     ("an interface without a solid", COLUMN, [("[solid]", "[solid_]"), ("[[solid.fix]]", "[[solid_.fix]]")], [], 2, ["unknown table 'solid_': did you mean 'solid'?"]),
     ("a solid and a fluid without an interface", COLUMN, [("[[interface]]", "[[interfaces]]")], [], 2, ["at least one [[interface]] with name, fluid and solid"]),
+    ("two solids of one name", GATES, [('name = "right_gate"', 'name = "left_gate"')], [], 2, ['solid[1].name = "left_gate": another entry has this name', "^"]),
+    ("a surface of no solid", GATES, [('body = "right_gate"', 'body = "rihgt_gate"')], [], 2, ['interface[1].body = "rihgt_gate"', 'did you mean "right_gate"?']),
+    ("an interface that does not say of which solid", GATES, [('body = "right_gate"\n', "")], [], 2, ["missing key 'interface[1].body'", "needed where there are several"]),
+    ("a misspelt key of one of two solids", GATES, [("[[solid.fix]]\n", "[[solid.fixx]]\n")], [], 2, ["unknown table 'solid.fixx'", "did you mean 'fix'?"]),
     # the command line
     ("a case that is not there", "nowhere", [], [], 4, ["no case 'nowhere'", "Cases here:", "elastic_column"]),
     ("an override of an unknown key", COLUMN, [], ["--set", "solid.densty=1"], 2, ["command line: unknown key 'solid.densty': did you mean 'density'?"]),
@@ -150,7 +154,7 @@ def check(entry):
                                   capture_output=True, text=True, env=ENVIRONMENT, timeout=60)
         except subprocess.TimeoutExpired:
             return None, "no answer in 60 s"
-        return done.returncode, (done.stderr + done.stdout).replace(f"{name}/", "")
+        return done.returncode, (done.stderr + done.stdout).replace(f"{name}/", "").replace(str(BUILD), "build/release")
 
 
 def check_all(entries):
