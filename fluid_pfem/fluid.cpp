@@ -2,6 +2,7 @@
 #include "fluid_pfem/fluid.hpp"
 
 #include "common/error.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace undine::fluid
@@ -350,11 +352,18 @@ bool Fluid<dim>::mesh_is_bad() const
   if (!config_.remesh.only_if_moved)
     return true;
   // A mesh is still good if its nodes have only moved together.
-  Vec<dim> mean{};
+  Vec<dim> least, most;
+  least.c.fill(std::numeric_limits<double>::max());
+  most.c.fill(std::numeric_limits<double>::lowest());
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    mean += (1.0 / static_cast<double>(x_remesh_.size())) * (nodes_.x[n] - x_remesh_[n]);
+    for (int i = 0; i < dim; ++i)
+    {
+      least[i] = std::min(least[i], nodes_.x[n][i] - x_remesh_[n][i]);
+      most[i] = std::max(most[i], nodes_.x[n][i] - x_remesh_[n][i]);
+    }
+  const Vec<dim> common = 0.5 * (least + most);
   for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    if (norm(nodes_.x[n] - x_remesh_[n] - mean) > 0.05 * nodes_.h[n])
+    if (norm(nodes_.x[n] - x_remesh_[n] - common) > 0.05 * nodes_.h[n])
       return true;
   return false;
 }
@@ -388,14 +397,15 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
 template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
-  FluidEnergy e;
   const Vec<dim> g = gravity();
+  ExactSum kinetic, internal, potential;
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
-    e.kinetic += 0.5 * nodes_.M[i] * norm_squared(nodes_.v[i]);
-    e.internal += nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]);
-    e.potential -= nodes_.M[i] * dot(g, nodes_.x[i]);
+    kinetic.add(0.5 * nodes_.M[i] * norm_squared(nodes_.v[i]));
+    internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
+    potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
+  FluidEnergy e{.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
   e.dissipated = dissipated_;
   e.remesh_gain = remesh_gain_;
   e.remesh_loss = remesh_loss_;
@@ -408,17 +418,21 @@ FluidEnergy Fluid<dim>::energy() const
 template <int dim>
 FluidMass Fluid<dim>::mass_by_state() const
 {
-  FluidMass mass;
+  ExactSum meshed, flying, dynamic, volume;
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
     const bool flies = nodes_.flag[i] & isolated_node;
-    (flies ? mass.flying : mass.meshed) += nodes_.M[i];
+    (flies ? flying : meshed).add(nodes_.M[i]);
     if (!flies)
     {
-      mass.dynamic += nodes_.m[i];
-      mass.volume += nodes_.V[i];
+      dynamic.add(nodes_.m[i]);
+      volume.add(nodes_.V[i]);
     }
   }
+  FluidMass mass{.meshed = meshed.value(),
+                 .flying = flying.value(),
+                 .dynamic = dynamic.value(),
+                 .volume = volume.value()};
   mass.deleted = ledger_.deleted_mass;
   mass.inflow = inflow_;
   mass.outflow = outflow_;
