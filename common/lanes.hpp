@@ -88,7 +88,46 @@ inline bool any(const Lanes::Mask& condition)
 inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
 
 inline Lanes max(const Lanes& a, const Lanes& b) { return select(a > b, a, b); }
+inline Lanes min(const Lanes& a, const Lanes& b) { return select(a < b, a, b); }
 inline Lanes abs(const Lanes& a) { return max(a, -a); }
+
+/// `count` ≤ 8 numbers from memory; lanes beyond them repeat the first.
+inline Lanes load_lanes(const double* from, int count)
+{
+  if (count == Lanes::size)
+  {
+    Lanes::Numbers x;
+    __builtin_memcpy(&x, from, sizeof x);
+    return x;
+  }
+  Lanes x(from[0]);
+  for (int k = 1; k < count; ++k)
+    x.set(k, from[k]);
+  return x;
+}
+/// The first `count` ≤ 8 lanes to memory.
+inline void store_lanes(const Lanes& x, double* to, int count)
+{
+  if (count == Lanes::size)
+    __builtin_memcpy(to, &x.numbers(), sizeof x.numbers());
+  else
+    for (int k = 0; k < count; ++k)
+      to[k] = x[k];
+}
+
+/// Eight pairs of numbers become two columns: lane e of a and b is from[e][0] and from[e][1].
+inline void load_pairs(const double* const (&from)[Lanes::size], Lanes& a, Lanes& b)
+{
+  typedef double Two __attribute__((vector_size(2 * sizeof(double))));
+  Two p[8];
+  for (int e = 0; e < 8; ++e)
+    __builtin_memcpy(&p[e], from[e], sizeof p[e]);
+  const auto join = [&](int e, int f) { return __builtin_shufflevector(p[e], p[f], 0, 1, 2, 3); };
+  const Lanes::Numbers even = __builtin_shufflevector(join(0, 2), join(4, 6), 0, 1, 2, 3, 4, 5, 6, 7),
+                       odd = __builtin_shufflevector(join(1, 3), join(5, 7), 0, 1, 2, 3, 4, 5, 6, 7);
+  a = __builtin_shufflevector(even, odd, 0, 8, 2, 10, 4, 12, 6, 14);
+  b = __builtin_shufflevector(even, odd, 1, 9, 3, 11, 5, 13, 7, 15);
+}
 
 /// Eight rows of eight numbers become columns: lane e of column[k] is row[e][k], k < 8. Rows are aligned to
 /// 64 bytes.

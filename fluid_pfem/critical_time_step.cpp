@@ -107,31 +107,44 @@ private:
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity, double floor, StepWorkspace& workspace)
+                          const ElementTermsConfig& viscosity, double floor, const Team& team,
+                          StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
   // Column sums times the stiffness of their node.
   std::vector<double>& stiffness = workspace.stiffness;
   stiffness.resize(static_cast<std::size_t>(n_nodes));
-  RowOfB<dim> row;
-  for (index_t i = 0; i < n_nodes; ++i)
-  {
-    const auto k = static_cast<std::size_t>(i);
-    double sum = 0.0;
-    row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
-    stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
-                   std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
-  }
-  double omega_squared = 0.0;
-  for (index_t i = 0; i < n_nodes; ++i)
-  {
-    double sum = 0.0;
-    row.for_each(mesh, nodes, i,
-                 [&](index_t j, double B_ij, double)
-                 { sum += B_ij * stiffness[static_cast<std::size_t>(j)]; });
-    if (sum > 0.0)
-      omega_squared = std::max(omega_squared, sum / nodes.inertia[static_cast<std::size_t>(i)]);
-  }
+  team.each(
+      [&](const Share& share)
+      {
+        RowOfB<dim> row;
+        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        {
+          const auto k = static_cast<std::size_t>(i);
+          double sum = 0.0;
+          row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
+          stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
+                         std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
+        }
+      });
+  workspace.largest.assign(team.shares().size(), 0.0);
+  team.each(
+      [&](const Share& share)
+      {
+        RowOfB<dim> row;
+        double largest = 0.0;
+        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        {
+          double sum = 0.0;
+          row.for_each(mesh, nodes, i,
+                       [&](index_t j, double B_ij, double)
+                       { sum += B_ij * stiffness[static_cast<std::size_t>(j)]; });
+          if (sum > 0.0)
+            largest = std::max(largest, sum / nodes.inertia[static_cast<std::size_t>(i)]);
+        }
+        workspace.largest[team.number(share)] = largest;
+      });
+  const double omega_squared = *std::max_element(workspace.largest.begin(), workspace.largest.end());
   if (!(omega_squared > 0.0))
     return std::numeric_limits<double>::max();
   double dt = 2.0 / std::sqrt(omega_squared);
@@ -179,8 +192,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
 }
 
 template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
-                                      const ElementTermsConfig&, double, StepWorkspace&);
+                                      const ElementTermsConfig&, double, const Team&, StepWorkspace&);
 template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
-                                      const ElementTermsConfig&, double, StepWorkspace&);
+                                      const ElementTermsConfig&, double, const Team&, StepWorkspace&);
 
 } // namespace undine::fluid

@@ -5,6 +5,7 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/tait.hpp"
+#include "fluid_pfem/team.hpp"
 
 #include <vector>
 
@@ -15,6 +16,7 @@ namespace undine::fluid
 struct StepWorkspace
 {
   std::vector<double> stiffness, shear;
+  std::vector<double> largest; ///< ω² of each share
 };
 
 /// Bound on the highest acoustic frequency from the infinity norm of A = M⁻¹ B diag(ρc²/V) Bᵀ, B_ij =
@@ -26,6 +28,7 @@ struct StepWorkspace
 /// @returns [s]
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& terms, double floor, StepWorkspace& workspace);
+                          const ElementTermsConfig& terms, double floor, const Team& team,
+                          StepWorkspace& workspace);
 
 } // namespace undine::fluid

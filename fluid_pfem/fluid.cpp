@@ -5,6 +5,7 @@
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
+#include "fluid_pfem/remesh/distortion.hpp"
 
 #include <fmt/format.h>
 
@@ -35,7 +36,7 @@ double third(const Vec<dim>& x)
 } // namespace
 
 template <int dim>
-Fluid<dim>::Fluid(const FluidConfig& config) : config_(config)
+Fluid<dim>::Fluid(const FluidConfig& config) : config_(config), team_(config.threads)
 {
   surfaces_ = body_surfaces<dim>(config);
   wall_kind_.assign(surfaces_.size(), WallKind::slip);
@@ -120,14 +121,22 @@ template <int dim>
 void Fluid<dim>::predict_velocity(double dt)
 {
   t_ += dt;
-  const index_t n_nodes = nodes_.size();
-  for (index_t n = 0; n < n_nodes; ++n)
-    nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
+  team_.each([&](const Share& share) { kick(dt, share.node_begin, share.node_end); });
   if (!contact_.empty())
   {
     contact_.move_to(t_);
     wall_work_ += push_off_walls(dt);
   }
+}
+
+/// v ← v + Δt/2 a.
+template <int dim>
+void Fluid<dim>::kick(double dt, index_t begin, index_t end)
+{
+  double* v = nodes_.v.front().c.data();
+  const double* a = nodes_.a.front().c.data();
+  for (std::ptrdiff_t k = std::ptrdiff_t{dim} * begin; k < std::ptrdiff_t{dim} * end; ++k)
+    v[k] += 0.5 * dt * a[k];
 }
 
 template <int dim>
@@ -140,13 +149,21 @@ double Fluid<dim>::push_off_walls(double dt)
 template <int dim>
 void Fluid<dim>::predict_position(double dt)
 {
-  const index_t n_nodes = nodes_.size();
-  double fastest = 0.0; // squared
-  if (!contact_.empty() || !solid_.empty())
-    for (index_t n = 0; n < n_nodes; ++n)
-      fastest = std::max(fastest, norm_squared(nodes_.v[static_cast<std::size_t>(n)]));
-  for (index_t n = 0; n < n_nodes; ++n)
-    nodes_.x[static_cast<std::size_t>(n)] += dt * nodes_.v[static_cast<std::size_t>(n)];
+  fastest_.assign(static_cast<std::size_t>(team_.threads()), 0.0);
+  team_.each(
+      [&](const Share& share)
+      {
+        double fastest = 0.0; // squared
+        for (auto i = static_cast<std::size_t>(share.node_begin);
+             i < static_cast<std::size_t>(share.node_end); ++i)
+        {
+          fastest = std::max(fastest, norm_squared(nodes_.v[i]));
+          nodes_.x[i] += dt * nodes_.v[i];
+        }
+        fastest_[team_.number(share)] = fastest;
+      });
+  const double fastest = *std::max_element(fastest_.begin(), fastest_.end());
+  travelled_ += dt * std::sqrt(fastest);
   if (!contact_.empty() && contact_.candidates_expired(dt * std::sqrt(fastest)))
     contact_.find_candidates(nodes_.x, config_.element_size);
   if (!solid_.empty())
@@ -154,11 +171,12 @@ void Fluid<dim>::predict_position(double dt)
   dt_before_ = dt;
 }
 
+/// @returns a node whose elements have turned over, or −1
 template <int dim>
-void Fluid<dim>::update_state(index_t begin, index_t end)
+index_t Fluid<dim>::update_state(index_t begin, index_t end)
 {
-  check_state(
-      update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end));
+  const index_t bad =
+      update_density_and_pressure<dim>(mesh_, config_.tait, config_.inertia_floor, nodes_, begin, end);
   if (config_.least_pressure > -1e299)
     for (index_t n = begin; n < end; ++n)
       nodes_.p[static_cast<std::size_t>(n)] =
@@ -167,13 +185,17 @@ void Fluid<dim>::update_state(index_t begin, index_t end)
     for (index_t n = begin; n < end; ++n)
       if (nodes_.flag[static_cast<std::size_t>(n)] & on_free_surface)
         nodes_.p[static_cast<std::size_t>(n)] = std::max(nodes_.p[static_cast<std::size_t>(n)], 0.0);
+  return bad;
 }
 
 template <int dim>
-void Fluid<dim>::add_element_forces(double dt, index_t begin, index_t end)
+void Fluid<dim>::add_element_forces(double dt, const index_t* list, index_t begin, index_t end,
+                                    const Share& share)
 {
-  fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(), dt, begin, end,
-                                 sums_);
+  const double power = fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(),
+                                                      dt, list, begin, end, share, sums_);
+  if (list == nullptr)
+    sums_.heat[static_cast<std::size_t>(begin / element_block)] += power;
 }
 
 template <int dim>
@@ -196,71 +218,103 @@ template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
   std::fill(nodes_.V.begin(), nodes_.V.end(), 0.0);
-  add_element_volumes<dim>(mesh_, 0, e_layer_, nodes_);
+  std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0);
   if (n_wet_ == 0)
     return;
-  update_state(0, n_layer_);
+  const Share whole{.node_begin = 0, .node_end = nodes_.size()};
+  add_element_volumes<dim>(mesh_, nullptr, 0, e_layer_, whole, nodes_);
+  check_state(update_state(0, n_layer_));
   record_nodes<dim>(nodes_, config_.terms, 0, n_layer_, sums_);
-  add_element_forces(dt, 0, e_wet_);
-  take_acceleration<dim>(nodes_, gravity(), 0, n_wet_, sums_, mass_rate_);
+  for (index_t e = 0; e < e_wet_; e += element_block)
+    add_element_forces(dt, nullptr, e, std::min(e + element_block, e_wet_), whole);
+  take_acceleration<dim>(nodes_, gravity(), 0, n_wet_, sums_,
+                         std::span(mass_rate_).first(static_cast<std::size_t>(n_wet_)));
   add_body_force(0, n_wet_);
   for (index_t n = 0; n < n_wet_; ++n)
-  {
-    const auto i = static_cast<std::size_t>(n);
-    constrain(nodes_.a[i], n);
-    nodes_.v[i] += 0.5 * dt * nodes_.a[i];
-  }
+    constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  kick(dt, 0, n_wet_);
 }
 
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
-  const index_t n_nodes = nodes_.size();
-  add_element_volumes<dim>(mesh_, e_layer_, mesh_.n_elements(), nodes_);
-  update_state(n_layer_, n_nodes);
-  record_nodes<dim>(nodes_, config_.terms, n_layer_, n_nodes, sums_);
-  add_element_forces(dt, e_wet_, mesh_.n_elements());
-  dissipated_ += dt * sums_.dissipation;
-  take_acceleration<dim>(nodes_, gravity(), n_wet_, n_nodes, sums_, mass_rate_);
-  add_body_force(n_wet_, n_nodes);
-  for (const index_t n : constrained_)
-    if (n >= n_wet_)
-      constrain(nodes_.a[static_cast<std::size_t>(n)], n);
-  let_waves_out(dt, true);
-  if (openings_.driven_mask() != 0)
+  bad_.assign(static_cast<std::size_t>(team_.threads()), -1);
+  team_.each(
+      [&](const Share& share)
+      {
+        index_t bad = -1;
+        sweep(
+            mesh_, share, e_layer_, n_layer_,
+            [&](const index_t* list, index_t begin, index_t end)
+            { add_element_volumes<dim>(mesh_, list, begin, end, share, nodes_); },
+            [&](index_t begin, index_t end)
+            {
+              bad = std::max(bad, update_state(begin, end));
+              record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+            });
+        bad_[team_.number(share)] = bad;
+      });
+  check_state(*std::max_element(bad_.begin(), bad_.end()));
+
+  // Where nothing else acts on single nodes, their acceleration is used while it is in the cache.
+  const bool plain = config_.body_force.empty() && constrained_.empty() && impedance_.empty() &&
+                     openings_.driven_mask() == 0;
+  team_.each(
+      [&](const Share& share)
+      {
+        sweep(
+            mesh_, share, e_wet_, n_wet_,
+            [&](const index_t* list, index_t begin, index_t end)
+            { add_element_forces(dt, list, begin, end, share); },
+            [&](index_t begin, index_t end)
+            {
+              take_acceleration<dim>(
+                  nodes_, gravity(), begin, end, sums_,
+                  std::span(mass_rate_)
+                      .subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+              if (plain)
+                kick(dt, begin, end);
+            });
+      });
+  for (const double power : sums_.heat)
+    dissipated_ += dt * power;
+  if (!plain)
   {
-    for (std::size_t i = 0; i < nodes_.x.size(); ++i) // what holds a driven node does work
-      if (nodes_.surface[i] & openings_.driven_mask())
-        openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
-    openings_.drive(nodes_, t_);
+    add_body_force(n_wet_, nodes_.size());
+    for (const index_t n : constrained_)
+      if (n >= n_wet_)
+        constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+    let_waves_out(dt, true);
+    if (openings_.driven_mask() != 0)
+    {
+      for (std::size_t i = 0; i < nodes_.x.size(); ++i) // what holds a driven node does work
+        if (nodes_.surface[i] & openings_.driven_mask())
+          openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
+      openings_.drive(nodes_, t_);
+    }
+    kick(dt, n_wet_, nodes_.size());
   }
-  for (index_t n = n_wet_; n < n_nodes; ++n)
-    nodes_.v[static_cast<std::size_t>(n)] += 0.5 * dt * nodes_.a[static_cast<std::size_t>(n)];
   exchange_mass(dt);
   ++steps_;
   ++steps_since_remesh_;
 }
 
-/// m and M follow the stabilising flux; m also follows M, so that what remeshing did to the density field
-/// heals.
 template <int dim>
 void Fluid<dim>::exchange_mass(double dt)
 {
-  const bool flux = config_.terms.residual > 0.0, feedback = config_.feedback_time > 0.0;
-  if (!flux && !feedback)
+  const bool flux = config_.terms.residual > 0.0;
+  if (!flux && config_.feedback_time <= 0.0)
     return;
-  const double c_per_T = feedback ? sound_speed() / config_.feedback_time : 0.0;
-  const index_t n_nodes = nodes_.size();
-  for (index_t n = 0; n < n_nodes; ++n)
-  {
-    const auto i = static_cast<std::size_t>(n);
-    const double exchanged = flux ? dt * mass_rate_[i] : 0.0;
-    const double defect = std::clamp(nodes_.M[i] - nodes_.m[i], -0.2 * nodes_.m[i], 0.2 * nodes_.m[i]);
-    nodes_.m[i] += exchanged + (nodes_.flag[i] & isolated_node ? 0.0 : dt * c_per_T / nodes_.h[i] * defect);
-    nodes_.M[i] += exchanged;
-    if (n >= n_wet_) // the coupler was told the mass of the wet ones
-      nodes_.inertia[i] = std::max(nodes_.m[i], least_inertia(i));
-  }
+  const double feedback_rate = config_.feedback_time > 0.0 ? sound_speed() / config_.feedback_time : 0.0;
+  team_.each(
+      [&](const Share& share)
+      {
+        const auto count = static_cast<std::size_t>(share.node_end - share.node_begin);
+        const std::span<const double> rate =
+            std::span(mass_rate_).subspan(static_cast<std::size_t>(share.node_begin), flux ? count : 0);
+        fluid::exchange_mass<dim>(rate, feedback_rate, dt, config_.inertia_floor * config_.tait.rho0, nodes_,
+                                  share.node_begin, share.node_end, n_wet_);
+      });
 }
 
 template <int dim>
@@ -324,7 +378,7 @@ double Fluid<dim>::critical_time_step() const
   return config_.step_safety *
          std::min(config_.element_size / sound_speed(),
                   fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
-                                                 config_.inertia_floor, workspace_));
+                                                 config_.inertia_floor, team_, workspace_));
 }
 
 template <int dim>
@@ -339,24 +393,24 @@ bool Fluid<dim>::mesh_is_bad() const
 {
   if (openings_.row_due(nodes_))
     return true;
-  for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
-  {
-    const double q = quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e]));
-    if (!(q >= std::min(config_.remesh.quality, 0.6 * static_cast<double>(quality_[e]))))
-      return true;
-  }
-  if (config_.remesh.every == 0 || steps_since_remesh_ < config_.remesh.every)
-    return false;
-  if (!config_.remesh.only_if_moved)
+  if (is_worse<dim>(mesh_, nodes_.x, quality_, config_.remesh.quality))
     return true;
-  // A mesh is still good if its nodes have only moved together.
-  Vec<dim> mean{};
-  for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    mean += (1.0 / static_cast<double>(x_remesh_.size())) * (nodes_.x[n] - x_remesh_[n]);
-  for (std::size_t n = 0; n < x_remesh_.size(); ++n)
-    if (norm(nodes_.x[n] - x_remesh_[n] - mean) > 0.05 * nodes_.h[n])
-      return true;
-  return false;
+  const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;
+  if (due == good_for_)
+    return false;
+  if (!config_.remesh.only_if_moved || !solid_.empty()) // what a solid blocks is decided at remeshes only
+    return true;
+  // A mesh is still good if its nodes have only moved together and no gap closes. Gaps that are not watched
+  // are wider than twice the circumradius up to which they are.
+  const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
+                   is_strained<dim>(mesh_.elements, nodes_.x, x_remesh_, nodes_.h, config_.remesh.strain) ||
+                   is_strained<dim>(gaps_, nodes_.x, x_remesh_, nodes_.h, 1.0) ||
+                   std::any_of(gaps_.begin(), gaps_.end(),
+                               [this](const Simplex<dim>& gap)
+                               { return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape); });
+  if (!bad)
+    good_for_ = due;
+  return bad;
 }
 
 /// Traction −(p(rest) + ρ₀c₀ v_n) n on impedance nodes, implicit in the velocity of the full step:
@@ -447,6 +501,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("terms", sums_);
   sums_.record.resize(nodes_.x.size());
   sums_.sum.resize(nodes_.x.size());
+  sums_.heat.resize(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1);
+  team_.share_out(nodes_.size(), mesh_);
   delaunay_.forget(); // both runs then go on with a rebuild
   archive("e_layer", e_layer_);
   archive("mass_rate", mass_rate_);
@@ -457,6 +513,9 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("f_link", f_link_);
   archive("quality", quality_);
   archive("x_remesh", x_remesh_);
+  archive("gaps", gaps_);
+  archive("travelled", travelled_);
+  archive("good_for", good_for_);
   archive("next_id", next_id_);
   archive("t", t_);
   archive("dt_before", dt_before_);

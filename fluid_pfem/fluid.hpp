@@ -161,8 +161,9 @@ private:
   void smooth_mass_defect(std::span<Vec<dim>> v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
-  void update_state(index_t begin, index_t end);
-  void add_element_forces(double dt, index_t begin, index_t end);
+  void kick(double dt, index_t begin, index_t end);
+  index_t update_state(index_t begin, index_t end);
+  void add_element_forces(double dt, const index_t* list, index_t begin, index_t end, const Share& share);
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
   void check_state(index_t bad_node);
@@ -192,16 +193,22 @@ private:
   FluidMesh<dim> mesh_;
   MovingDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
+  Team team_;
+  std::vector<double> fastest_; ///< squared speed of the fastest node of each share [m²/s²]
+  std::vector<index_t> bad_;    ///< a node of each share whose elements have turned over, or −1
   mutable StepWorkspace workspace_;
-  std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
-  index_t n_wet_ = 0;                ///< nodes on an interface
-  index_t n_layer_ = 0;              ///< wet nodes and their neighbours
-  index_t e_wet_ = 0;                ///< elements that touch wet nodes
-  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
-  std::vector<index_t> constrained_; ///< nodes on walls of the box
-  std::vector<double> f_link_;       ///< last link force, n_wet × dim
-  std::vector<float> quality_;       ///< of each element at the last remesh
-  std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
+  std::vector<double> mass_rate_;     ///< stabilising mass flux into each node [kg/s]
+  index_t n_wet_ = 0;                 ///< nodes on an interface
+  index_t n_layer_ = 0;               ///< wet nodes and their neighbours
+  index_t e_wet_ = 0;                 ///< elements that touch wet nodes
+  index_t e_layer_ = 0;               ///< elements that touch wet nodes or their neighbours
+  std::vector<index_t> constrained_;  ///< nodes on walls of the box
+  std::vector<double> f_link_;        ///< last link force, n_wet × dim
+  std::vector<float> quality_;        ///< of each element at the last remesh
+  std::vector<Vec<dim>> x_remesh_;    ///< positions at the last remesh
+  std::vector<Simplex<dim>> gaps_;    ///< between boundaries of the fluid, at the last remesh
+  mutable std::int64_t good_for_ = 0; ///< so many times remesh_every the mesh was found to be still good
+  double travelled_ = 0.0;            ///< by the fastest nodes since the last remesh [m]
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh

@@ -293,6 +293,11 @@ void read_remeshing(const CaseTable& t, bool impact, RemeshConfig& remesh)
   remesh.every = t.integer(
       {"remesh_every", "", "remesh after so many steps if nodes have moved against each other; 0: no cap"},
       impact ? 10 : 20, at_least(0));
+  remesh.strain =
+      t.number({"remesh_strain", "",
+                "nodes have moved against each other if an edge has changed its length by so much, over "
+                "the spacing, or if a gap closes"},
+               0.1, between(0.0, 1.0));
   remesh.only_if_moved = t.boolean(
       {"remesh_only_if_moved", "", "false: remesh_every holds even if nodes have only moved together"}, true);
   remesh.delete_isolated_after = static_cast<int>(t.integer(
@@ -366,6 +371,10 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
                between(0.0, 1.0));
   config.step_safety = t.number({"step_safety", "", "fraction of the rigorous bound on the time step"}, 0.9,
                                 between(0.01, 2.0));
+  config.threads = static_cast<int>(
+      t.integer({"threads", "",
+                 "threads of each rank of the fluid, each on a core of its own; results do not depend on it"},
+                1, between(1, 256)));
   config.look_every = t.integer({"look_every", "",
                                  "fluid alone: steps between looks at the mesh and at the stable step, which "
                                  "a coupled run takes once a window; 0: 4 and 8"},

@@ -83,8 +83,10 @@ struct RemeshConfig
   SpacingRules spacing;
   double quality =
       0.5; ///< remesh when an element's shape falls below this (1: regular) and below 0.6 of what it was …
-  std::int64_t every = 20;   ///< … or after so many steps if nodes have moved against each other; 0: no cap
-  bool only_if_moved = true; ///< false: the cap holds even if nodes have only moved together
+  std::int64_t every =
+      20; ///< … or after at least so many steps if nodes have moved against each other; 0: no cap
+  double strain = 0.1;           ///< that is: an edge has changed its length by so much, over the spacing
+  bool only_if_moved = true;     ///< false: the cap holds even if nodes have only moved together
   int delete_isolated_after = 0; ///< remeshes; 0: isolated nodes fly for ever
 };
 
@@ -114,6 +116,7 @@ struct FluidConfig : Body
   RemeshConfig remesh;
   double inertia_floor = 0.0;  ///< least mass in Newton's law, fraction of a regular node's
   double step_safety = 0.9;    ///< of the rigorous step bound
+  int threads = 1;             ///< that compute the fluid; results do not depend on it
   std::int64_t look_every = 0; ///< alone: steps between looks at mesh and stable step; 0: 4 and 8
 };
 

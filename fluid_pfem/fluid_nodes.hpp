@@ -13,10 +13,10 @@ namespace undine::fluid
 using SurfaceMask = std::uint32_t; ///< bit s: the node lies on named surface s
 
 /// Volume of a node of a regular lattice of spacing `h` [m]: triangles in the plane, cubes in space [m^dim].
-template <int dim>
-constexpr double regular_volume(double h)
+template <int dim, class Real = double>
+constexpr Real regular_volume(const Real& h)
 {
-  return dim == 2 ? 0.86602540378443865 * h * h : h * h * h;
+  return dim == 2 ? Real(0.86602540378443865) * h * h : h * h * h;
 }
 
 /// What a node is since the last remesh.

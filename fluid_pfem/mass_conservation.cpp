@@ -1,6 +1,7 @@
 // Nodal volumes, densities and pressures.
 #include "fluid_pfem/mass_conservation.hpp"
 
+#include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
@@ -9,20 +10,44 @@
 namespace undine::fluid
 {
 
-template <int dim>
-void add_element_volumes(const FluidMesh<dim>& mesh, index_t begin, index_t end, FluidNodes<dim>& nodes)
+namespace
 {
-  const Vec<dim>* x = nodes.x.data();
+
+using std::max;
+using std::min;
+
+} // namespace
+
+template <int dim>
+[[gnu::flatten]] void add_element_volumes(const FluidMesh<dim>& mesh, const index_t* list, index_t begin,
+                                          index_t end, const Share& share, FluidNodes<dim>& nodes)
+{
+  constexpr int L = Lanes::size;
   double* V = nodes.V.data();
-  for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e)
+  const bool all_mine = share.node_begin == 0 && share.node_end == nodes.size();
+  for (index_t first = begin; first < end; first += L)
   {
-    const auto& n = mesh.elements[e];
-    std::array<Vec<dim>, dim + 1> corner;
-    for (std::size_t a = 0; a <= dim; ++a)
-      corner[a] = x[n[a]];
-    const double share = (1.0 / (dim + 1)) * signed_volume<dim, double>(corner);
-    for (std::size_t a = 0; a <= dim; ++a)
-      V[n[a]] += share;
+    const int count = std::min<index_t>(L, end - first);
+    const auto element = eight_of<dim>(mesh.elements, list, first, end);
+    std::array<Vec<dim, Lanes>, dim + 1> corner;
+    for (std::size_t c = 0; c <= dim; ++c)
+      load_points<dim>(nodes.x.data(), element, c, corner[c]);
+    const Lanes share_of_corner = Lanes(1.0 / (dim + 1)) * signed_volume<dim, Lanes>(corner);
+    double added[L];
+    store_lanes(share_of_corner, added, L);
+    if (count == L && all_mine)
+    {
+#pragma GCC unroll 8
+      for (std::size_t l = 0; l < L; ++l)
+#pragma GCC unroll 4
+        for (std::size_t c = 0; c <= dim; ++c)
+          V[(*element[l])[c]] += added[l];
+    }
+    else
+      for (std::size_t l = 0; l < static_cast<std::size_t>(count); ++l)
+        for (const index_t n : *element[l])
+          if (share.owns(n))
+            V[n] += added[l];
   }
 }
 
@@ -30,7 +55,8 @@ template <int dim>
 void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes)
 {
   std::fill(nodes.V.begin(), nodes.V.end(), 0.0);
-  add_element_volumes<dim>(mesh, 0, mesh.n_elements(), nodes);
+  add_element_volumes<dim>(mesh, nullptr, 0, mesh.n_elements(), {.node_begin = 0, .node_end = nodes.size()},
+                           nodes);
 }
 
 template <int dim>
@@ -38,38 +64,85 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
                                     FluidNodes<dim>& nodes, index_t begin, index_t end)
 {
   index_t bad = -1;
-  for (index_t n = begin; n < end; ++n)
+  for (index_t first = begin; first < end; first += Lanes::size)
   {
-    const auto i = static_cast<std::size_t>(n);
-    const double least_volume = floor * regular_volume<dim>(nodes.h[i]);
-    if (nodes.V[i] > least_volume)
+    const int count = std::min<index_t>(Lanes::size, end - first);
+    const Lanes V = load_lanes(&nodes.V[static_cast<std::size_t>(first)], count),
+                h = load_lanes(&nodes.h[static_cast<std::size_t>(first)], count),
+                least = Lanes(floor) * regular_volume<dim>(h);
+    if (!any(~(V > least)))
     {
-      nodes.rho[i] = nodes.m[i] / nodes.V[i];
+      const Lanes rho = load_lanes(&nodes.m[static_cast<std::size_t>(first)], count) / V;
+      store_lanes(rho, &nodes.rho[static_cast<std::size_t>(first)], count);
+      store_lanes(tait.pressure(rho), &nodes.p[static_cast<std::size_t>(first)], count);
+      continue;
+    }
+    for (index_t n = first; n < first + count; ++n)
+    {
+      const auto i = static_cast<std::size_t>(n);
+      const double least_volume = floor * regular_volume<dim>(nodes.h[i]);
+      if (nodes.V[i] > least_volume)
+        nodes.rho[i] = nodes.m[i] / nodes.V[i];
+      else if (mesh.isolated(n))
+        nodes.rho[i] = tait.rho0;
+      else if (nodes.V[i] > -0.5 * least_volume)
+        nodes.rho[i] = (nodes.m[i] + tait.rho0 * (least_volume - nodes.V[i])) / least_volume;
+      else
+      {
+        bad = bad < 0 ? n : bad;
+        continue;
+      }
       nodes.p[i] = tait.pressure(nodes.rho[i]);
     }
-    else if (nodes.V[i] > -0.5 * least_volume && !mesh.isolated(n))
-    {
-      nodes.rho[i] = (nodes.m[i] + tait.rho0 * (least_volume - nodes.V[i])) / least_volume;
-      nodes.p[i] = tait.pressure(nodes.rho[i]);
-    }
-    else if (mesh.isolated(n))
-    {
-      nodes.rho[i] = tait.rho0;
-      nodes.p[i] = tait.p0;
-    }
-    else if (bad < 0)
-      bad = n;
   }
   return bad;
 }
 
-template void add_element_volumes<2>(const FluidMesh<2>&, index_t, index_t, FluidNodes<2>&);
+template <int dim>
+void exchange_mass(std::span<const double> mass_rate, double feedback_rate, double dt, double least_mass,
+                   FluidNodes<dim>& nodes, index_t begin, index_t end, index_t free_inertia_from)
+{
+  for (index_t first = begin; first < end; first += Lanes::size)
+  {
+    const int count = std::min<index_t>(Lanes::size, end - first);
+    const auto i = static_cast<std::size_t>(first);
+    const Lanes M = load_lanes(&nodes.M[i], count), m = load_lanes(&nodes.m[i], count),
+                h = load_lanes(&nodes.h[i], count),
+                exchanged =
+                    mass_rate.empty()
+                        ? Lanes(0.0)
+                        : Lanes(dt) * load_lanes(&mass_rate[static_cast<std::size_t>(first - begin)], count);
+    const Lanes most = Lanes(0.2) * m, defect = min(max(M - m, Lanes(0.0) - most), most);
+    Lanes fed = Lanes(dt * feedback_rate) / h * defect;
+    for (int l = 0; l < count; ++l)
+      if (nodes.flag[i + static_cast<std::size_t>(l)] & isolated_node)
+        fed.set(l, 0.0);
+    const Lanes m_new = m + (exchanged + fed);
+    store_lanes(m_new, &nodes.m[i], count);
+    store_lanes(M + exchanged, &nodes.M[i], count);
+    const Lanes inertia = max(m_new, Lanes(least_mass) * regular_volume<dim>(h));
+    if (first >= free_inertia_from)
+      store_lanes(inertia, &nodes.inertia[i], count);
+    else
+      for (int l = 0; l < count; ++l)
+        if (first + l >= free_inertia_from)
+          nodes.inertia[i + static_cast<std::size_t>(l)] = inertia[l];
+  }
+}
+
 template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&);
-template void add_element_volumes<3>(const FluidMesh<3>&, index_t, index_t, FluidNodes<3>&);
 template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&);
+template void add_element_volumes<2>(const FluidMesh<2>&, const index_t*, index_t, index_t, const Share&,
+                                     FluidNodes<2>&);
 template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&,
                                                 index_t, index_t);
+template void exchange_mass<2>(std::span<const double>, double, double, double, FluidNodes<2>&, index_t,
+                               index_t, index_t);
+template void add_element_volumes<3>(const FluidMesh<3>&, const index_t*, index_t, index_t, const Share&,
+                                     FluidNodes<3>&);
 template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&,
                                                 index_t, index_t);
+template void exchange_mass<3>(std::span<const double>, double, double, double, FluidNodes<3>&, index_t,
+                               index_t, index_t);
 
 } // namespace undine::fluid

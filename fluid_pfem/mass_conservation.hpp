@@ -8,6 +8,9 @@
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/tait.hpp"
+#include "fluid_pfem/team.hpp"
+
+#include <span>
 
 namespace undine::fluid
 {
@@ -15,9 +18,11 @@ namespace undine::fluid
 /// Nodal volumes from the current positions. Isolated nodes get 0.
 template <int dim>
 void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes);
-/// Its part: add what elements [begin, end) give to the volumes of their corners, in their order.
+/// Its part: add what elements list[begin], … list[end − 1] (null: begin … end − 1) give to the volumes of
+/// those of their corners that the share owns, in their order.
 template <int dim>
-void add_element_volumes(const FluidMesh<dim>& mesh, index_t begin, index_t end, FluidNodes<dim>& nodes);
+void add_element_volumes(const FluidMesh<dim>& mesh, const index_t* list, index_t begin, index_t end,
+                         const Share& share, FluidNodes<dim>& nodes);
 
 /// ρ = m/V and p = p(ρ) of nodes [begin, end); isolated nodes are at ρ₀, p₀. A node whose volume is less than
 /// V* = `floor` times the regular volume (one flat element, a corner) would be a stiff spring: it is
@@ -26,5 +31,16 @@ void add_element_volumes(const FluidMesh<dim>& mesh, index_t begin, index_t end,
 template <int dim>
 index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait, double floor,
                                     FluidNodes<dim>& nodes, index_t begin, index_t end);
+
+/// Over a step `dt` [s], m and M of nodes [begin, end) take the stabilising flux; m also follows M, so that
+/// what remeshing did to the density field heals; the mass of Newton's law follows m.
+/// @param mass_rate flux into each of these nodes [kg/s]; empty: none
+/// @param feedback_rate m goes towards M at this rate times 1/h: c/T_r, T_r in units of h/c [m/s]; 0: it
+/// stays
+/// @param least_mass of Newton's law, over the regular volume of a node [kg/m^dim]
+/// @param free_inertia_from nodes below keep their mass of Newton's law: the coupler was told it
+template <int dim>
+void exchange_mass(std::span<const double> mass_rate, double feedback_rate, double dt, double least_mass,
+                   FluidNodes<dim>& nodes, index_t begin, index_t end, index_t free_inertia_from);
 
 } // namespace undine::fluid

@@ -1,6 +1,7 @@
 // Element forces, eight elements side by side.
 #include "fluid_pfem/momentum.hpp"
 
+#include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/newtonian.hpp"
 #include "fluid_pfem/simplex.hpp"
 
@@ -118,24 +119,22 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
 
 /// Flattened: eight elements fit into the registers only if every formula is inlined.
 template <bool bulk, bool shear, bool exchange, int dim>
-[[gnu::flatten]] void element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                                   const Constants& k, const Vec<dim>& body, index_t begin, index_t end,
-                                   ElementSums<dim>& sums)
+[[gnu::flatten]] double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                                     const Constants& k, const Vec<dim>& body, const index_t* list,
+                                     index_t begin, index_t end, const Share& share, ElementSums<dim>& sums)
 {
   using Record = NodeRecord<dim>;
   constexpr int L = Lanes::size;
   Vec<dim, Lanes> b;
   for (int i = 0; i < dim; ++i)
     b[i] = body[i];
+  const bool all_mine = share.node_begin == 0 && share.node_end == nodes.size();
   Lanes dissipation(0.0);
   double dissipation_of_rest = 0.0;
   for (index_t first = begin; first < end; first += L)
   {
     const int count = std::min<index_t>(L, end - first);
-    std::array<const Simplex<dim>*, L> element;
-    for (int l = 0; l < L; ++l)
-      element[static_cast<std::size_t>(l)] =
-          &mesh.elements[static_cast<std::size_t>(first + std::min(l, count - 1))];
+    const auto element = eight_of<dim>(mesh.elements, list, first, end);
     Corners<dim, Lanes> e;
 #pragma GCC unroll 4
     for (std::size_t c = 0; c <= dim; ++c)
@@ -183,12 +182,13 @@ template <bool bulk, bool shear, bool exchange, int dim>
         column[3] = add.dm[c];
       FourNumbers row[L];
       store_rows(column, row);
-      if (count == L)
+      if (count == L && all_mine)
         for (std::size_t l = 0; l < L; ++l)
           sums.sum[static_cast<std::size_t>((*element[l])[c])] += row[l];
       else
         for (std::size_t l = 0; l < static_cast<std::size_t>(count); ++l)
-          sums.sum[static_cast<std::size_t>((*element[l])[c])] += row[l];
+          if (const index_t n = (*element[l])[c]; share.owns(n))
+            sums.sum[static_cast<std::size_t>(n)] += row[l];
     }
     if (count == L)
       dissipation += add.dissipation;
@@ -198,7 +198,7 @@ template <bool bulk, bool shear, bool exchange, int dim>
   }
   for (int l = 0; l < L; ++l)
     dissipation_of_rest += dissipation[l];
-  sums.dissipation += dissipation_of_rest;
+  return dissipation_of_rest;
 }
 
 /// Call `act.template operator()<bulk, shear, exchange>()` with the three run-time switches as constants.
@@ -247,20 +247,23 @@ void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config
 }
 
 template <int dim>
-void add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                        const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
-                        index_t begin, index_t end, ElementSums<dim>& sums)
+double add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                          const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
+                          const index_t* list, index_t begin, index_t end, const Share& share,
+                          ElementSums<dim>& sums)
 {
-  if (begin == 0)
-    sums.dissipation = 0.0;
   const Constants constants{.b1_c0 = config.bulk_linear * c0,
                             .b2_squared = config.bulk_quadratic * config.bulk_quadratic,
                             .mu = config.mu,
                             .alpha = config.residual * std::sqrt(2.0 * dim) / c0,
                             .dt = dt};
+  double power = 0.0;
   with_switches(config.bulk(), config.mu > 0.0, config.residual > 0.0,
-                [&]<bool B, bool S, bool X>()
-                { element_pass<B, S, X, dim>(mesh, nodes, constants, b, begin, end, sums); });
+                [&]<bool B, bool S, bool X>() {
+                  power =
+                      element_pass<B, S, X, dim>(mesh, nodes, constants, b, list, begin, end, share, sums);
+                });
+  return power;
 }
 
 template <int dim>
@@ -273,8 +276,8 @@ void take_acceleration(FluidNodes<dim>& nodes, const Vec<dim>& b, index_t begin,
     for (int i = 0; i < dim; ++i)
       nodes.a[n][i] = per_mass * sums.sum[n][i] + b[i];
   }
-  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end) && !mass_rate.empty(); ++n)
-    mass_rate[n] = sums.sum[n][3];
+  for (std::size_t k = 0; k < mass_rate.size(); ++k)
+    mass_rate[k] = sums.sum[static_cast<std::size_t>(begin) + k][3];
   std::fill(sums.sum.begin() + begin, sums.sum.begin() + end, FourNumbers{});
 }
 
@@ -284,10 +287,12 @@ template void record_nodes<2>(const FluidNodes<2>&, const ElementTermsConfig&, i
                               ElementSums<2>&);
 template void record_nodes<3>(const FluidNodes<3>&, const ElementTermsConfig&, index_t, index_t,
                               ElementSums<3>&);
-template void add_element_forces<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
-                                    double, const Vec<2>&, double, index_t, index_t, ElementSums<2>&);
-template void add_element_forces<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
-                                    double, const Vec<3>&, double, index_t, index_t, ElementSums<3>&);
+template double add_element_forces<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
+                                      double, const Vec<2>&, double, const index_t*, index_t, index_t,
+                                      const Share&, ElementSums<2>&);
+template double add_element_forces<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
+                                      double, const Vec<3>&, double, const index_t*, index_t, index_t,
+                                      const Share&, ElementSums<3>&);
 template void take_acceleration<2>(FluidNodes<2>&, const Vec<2>&, index_t, index_t, ElementSums<2>&,
                                    std::span<double>);
 template void take_acceleration<3>(FluidNodes<3>&, const Vec<3>&, index_t, index_t, ElementSums<3>&,

@@ -13,6 +13,7 @@
 #include "common/lanes.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
+#include "fluid_pfem/team.hpp"
 
 #include <array>
 #include <span>
@@ -51,7 +52,7 @@ struct ElementSums
   std::vector<FourNumbers> sum; ///< force [N] in the first dim entries, mass flux [kg/s] in the last; zero
                                 ///< between steps
   std::vector<Vec<dim>> body;   ///< nodal body force beyond gravity [m/s²]; empty if there is none
-  double dissipation = 0.0;     ///< power turned into heat by q and τ [W]
+  std::vector<double> heat;     ///< power turned into heat by q and τ, per block of elements [W]
 
   /// Records and sums for n nodes, all zero; no body force.
   void reset(index_t n);
@@ -60,7 +61,6 @@ struct ElementSums
   void for_each_state(Archive& archive)
   {
     archive("body", body);
-    archive("dissipation", dissipation);
   }
 };
 
@@ -69,20 +69,23 @@ template <int dim>
 void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config, index_t begin, index_t end,
                   ElementSums<dim>& sums);
 
-/// Add force and mass flux of elements [begin, end) to their corners. With S_i = V_e∇N_i, D = Σ S_i·v_i:
+/// Add force and mass flux of elements list[begin], … list[end − 1] (null: begin … end − 1) to those of their
+/// corners that the share owns, in their order. With S_i = V_e∇N_i, D = Σ S_i·v_i:
 ///   F_i = (p̄ + q) S_i − τ S_i,   ṁ_i = −S_i·z,
 ///   q = −ρ (b₁ c₀ − b₂² min(r, 0)) r,  r = D/√Σ|S|² = ℓ ∇·v       (von Neumann & Richtmyer 1950),
 ///   z = α √(2 dim)/c₀ (Σ S_k p_k − V ρ (b − ā))/√Σ|S|²              (residual of momentum; zero in
 /// hydrostatic rest), τ = 2μ dev D. The length ℓ = (Σ|∇N|²)^(−1/2) is a height: q and z are bounded on
 /// slivers and need no division by V. Over a step `dt` [s] z takes at most a twentieth of the smallest mass
 /// of its element.
+/// @returns power that these elements turn into heat by q and τ [W]
 template <int dim>
-void add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                        const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
-                        index_t begin, index_t end, ElementSums<dim>& sums);
+double add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                          const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
+                          const index_t* list, index_t begin, index_t end, const Share& share,
+                          ElementSums<dim>& sums);
 
-/// Acceleration a = F/inertia + b of nodes [begin, end), and their mass flux ṁ [kg/s] if `mass_rate` is not
-/// empty. Takes the sums: they are zero afterwards.
+/// Acceleration a = F/inertia + b of nodes [begin, end), and the mass flux ṁ [kg/s] of the first of them, as
+/// many as `mass_rate` holds. Takes the sums: they are zero afterwards.
 template <int dim>
 void take_acceleration(FluidNodes<dim>& nodes, const Vec<dim>& b, index_t begin, index_t end,
                        ElementSums<dim>& sums, std::span<double> mass_rate);

@@ -63,6 +63,32 @@ std::array<Vec<dim, Real>, dim + 1> volume_gradients(const std::array<Vec<dim, R
   return g;
 }
 
+/// Shape of a simplex, 1 for a regular one, in proportion to its height when flat, negative when inverted:
+/// q = 4√3 A/Σl² in the plane, 12 (3V)^(2/3)/Σl² in space (mean ratio; Liu & Joe 1994). Here q, and q³ in
+/// space.
+template <int dim, class Real>
+Real quality_power(const std::array<Vec<dim, Real>, dim + 1>& x)
+{
+  Real edges(0.0);
+  for (std::size_t a = 0; a <= dim; ++a)
+    for (std::size_t b = a + 1; b <= dim; ++b)
+      edges += norm_squared(x[a] - x[b]);
+  const Real V = signed_volume<dim, Real>(x);
+  using std::abs;
+  if constexpr (dim == 2)
+    return Real(6.9282032302755091741) * V / edges;
+  else
+    return Real(15552.0) * V * abs(V) / (edges * edges * edges);
+}
+
+/// q of quality_power.
+template <int dim>
+double quality(const std::array<Vec<dim>, dim + 1>& x)
+{
+  const double power = quality_power<dim, double>(x);
+  return dim == 2 ? power : std::cbrt(power);
+}
+
 /// Radius of the circumscribed sphere; infinity for a degenerate simplex [m].
 template <int dim>
 double circumradius(const std::array<Vec<dim>, dim + 1>& x)

@@ -1,6 +1,8 @@
 // Tait equation of state, Eq. (3) of Meduri et al. (2017), in both readings of its modulus.
 #pragma once
 
+#include "common/lanes.hpp"
+
 #include <cmath>
 
 namespace undine::fluid
@@ -17,14 +19,20 @@ struct Tait
   double gamma = 7.0;   ///< exponent
 
   /// Pressure above the floor that keeps ρ > 0 [Pa].
-  double pressure(double rho) const
+  template <class Real>
+  Real pressure(const Real& rho) const
   {
+    const Real r = rho / Real(rho0);
+    Real power;
     if (gamma == 7.0)
     {
-      const double r = rho / rho0, r3 = r * r * r;
-      return p0 + B * (r3 * r3 * r - 1.0);
+      const Real r3 = r * r * r;
+      power = r3 * r3 * r;
     }
-    return p0 + B * (std::pow(rho / rho0, gamma) - 1.0);
+    else
+      for (int k = 0; k < lanes_of<Real>; ++k)
+        set_lane(power, k, std::pow(lane(r, k), gamma));
+    return Real(p0) + Real(B) * (power - Real(1.0));
   }
   double density(double p) const { return rho0 * std::pow(1.0 + (p - p0) / B, 1.0 / gamma); }
   /// ρ c² = dp/dlnρ = γ (p − p₀ + B) [Pa].

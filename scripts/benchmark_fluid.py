@@ -12,15 +12,15 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# Memory traffic of a step in the plane, bytes per node, every array once per pass: predict 80, volumes 72, density and pressure 32,
-# records 128, element forces 152, accelerations 96, kick 48, mass exchange 57.
-BYTES_PER_NODE_STEP = 665
+# Memory traffic of a step in the plane, bytes per node, every array once per sweep: predict 80; volumes, density, pressure and records 192;
+# element forces, accelerations and kick 216; mass exchange 57.
+BYTES_PER_NODE_STEP = 545
 
 
-def measure(nodes_over_width, t_end, repeats):
+def measure(nodes_over_width, t_end, repeats, threads=1):
     samples = []
     for _ in range(repeats):
-        done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_speed", str(nodes_over_width), str(t_end)], capture_output=True, text=True, check=True)
+        done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_speed", str(nodes_over_width), str(t_end), str(threads)], capture_output=True, text=True, check=True)
         samples.append(json.loads(done.stdout))
     return {key: statistics.median(s[key] for s in samples) for key in samples[0]}
 
@@ -28,7 +28,8 @@ def measure(nodes_over_width, t_end, repeats):
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--repeats", type=int, default=3)
-    p.add_argument("--scenes", nargs="+", default=["20:4", "66:2.5", "207:0.3"], help="nodes over the width : end of the run t sqrt(2g/a)")
+    p.add_argument("--scenes", nargs="+", default=["20:4", "66:2.5", "207:0.3", "650:0.02"], help="nodes over the width : end of the run t sqrt(2g/a)")
+    p.add_argument("--threads", default="207:0.1", help="scene that is run with one and with two threads")
     args = p.parse_args()
     rows = [measure(*(float(x) if "." in x else int(x) for x in scene.split(":")), args.repeats) for scene in args.scenes]
     lines = ["# What a step of the fluid costs", "",
@@ -36,13 +37,17 @@ def main():
              "*step*: volumes, pressure, forces, mass exchange, kick; *move*: prediction and wall contact; *bound*: largest stable step, every 8 steps; *look*: "
              "is the mesh good, every 4 steps; *remesh*: all of it, spread over the steps; *ledgers*: 100 rows. STREAM triad runs in the same process right after, over "
              "arrays as large as the state and over 480 MB. *volume*: largest error of the volume during the run; *energy*: what remeshing gave and took, over the initial potential energy.", "",
-             "| nodes | to T | steps | remeshes (rebuilds) | all | step | move | bound | look | remesh | ledgers | remesh [us/node] | triad same size / memory [GB/s] | step / triad time of its 665 B | peak B/node | volume | energy |",
+             "| nodes | to T | steps | remeshes (rebuilds) | all | step | move | bound | look | remesh | ledgers | remesh [us/node] | triad same size / memory [GB/s] | step / triad time of its 545 B | peak B/node | volume | energy |",
              "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
     for r in rows:
         roof = BYTES_PER_NODE_STEP / r["triad_same_size"]
         lines.append(f"| {r['nodes']:.0f} | {r['T']:.2f} | {r['steps']:.0f} | {r['remeshes']:.0f} ({r['rebuilds']:.0f}) | **{r['all']:.1f}** | {r['solve']:.1f} | {r['predict']:.1f} | {r['bound']:.1f} | "
                      f"{r['look']:.1f} | {r['remesh']:.1f} | {r['output']:.2f} | {r['remesh_us_per_node']:.2f} | {r['triad_same_size']:.0f} / {r['triad_memory']:.0f} | "
                      f"{(r['solve'] + r['predict']) / roof:.1f} | {r['peak_bytes_per_node']:.0f} | {r['volume_error']:.1e} | {r['remesh_gain'] / r['energy_scale']:+.1e} {r['remesh_loss'] / r['energy_scale']:+.1e} |")
+    n, t_end = args.threads.split(":")
+    one, two = (measure(int(n), float(t_end), args.repeats, threads) for threads in (1, 2))
+    lines += ["", f"Threads, {one['nodes']:.0f} nodes to T = {t_end}, ns of the clock on the wall: **{one['wall']:.1f}** with one, **{two['wall']:.1f}** with two "
+              f"(step {one['solve']:.1f} ns of CPU time with one, {two['solve']:.1f} with two). The bits of the results are the same (`fluid_test.cpp`)."]
     lines += ["", "Peers, on machines of the same kind (figures of their own runs): PFEM3D 1400 / 1470 / 2360 ns per node and step at 1.1k / 5.4k / 21k nodes, 7 to 17 us per node and remesh, "
               "2.4 kB per node; SPHinXsys 560 to 900 ns per particle and acoustic step.", "", "Made by `scripts/benchmark fluid`.", ""]
     out = ROOT / "docs" / "benchmarks" / "fluid_speed.md"

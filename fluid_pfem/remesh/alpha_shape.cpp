@@ -69,20 +69,29 @@ bool closing_gap(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, doub
   return height < limit && rate < 0.0;
 }
 
+/// All corners on the boundary, not all on walls, and hardly any height.
+template <int dim>
+bool is_flat(const Simplex<dim>& simplex, const std::array<Vec<dim>, dim + 1>& corner,
+             const FluidNodes<dim>& nodes, double least_quality)
+{
+  const auto count = [&](NodeFlag flag)
+  {
+    return std::count_if(simplex.begin(), simplex.end(),
+                         [&](index_t n) { return (nodes.flag[static_cast<std::size_t>(n)] & flag) != 0; });
+  };
+  return count(on_boundary) == dim + 1 && count(on_wall) <= dim &&
+         std::abs(quality<dim>(corner)) < least_quality;
+}
+
 } // namespace
 
 template <int dim>
-double quality(const std::array<Vec<dim>, dim + 1>& x)
+bool becomes_fluid(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, const ShapeRules& rules)
 {
-  double edges = 0.0;
-  for (std::size_t a = 0; a <= dim; ++a)
-    for (std::size_t b = a + 1; b <= dim; ++b)
-      edges += norm_squared(x[a] - x[b]);
-  const double V = signed_volume<dim, double>(x);
-  if constexpr (dim == 2)
-    return 4.0 * std::sqrt(3.0) * V / edges;
-  else
-    return std::copysign(12.0 * std::cbrt(9.0 * V * V) / edges, V);
+  const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
+  const bool closes = rules.gap > 0.0 ? closing_gap<dim>(simplex, nodes, rules.gap * h)
+                                      : circumradius<dim>(corner) <= rules.create * h;
+  return closes && !is_flat<dim>(simplex, corner, nodes, rules.sliver_quality);
 }
 
 template <int dim>
@@ -119,6 +128,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
   std::vector<Doubtful> doubtful;
   std::vector<Vec<dim>> centroids;
   std::vector<char> is_fluid(delaunay.size(), 0);
+  std::vector<std::size_t> gaps; // less those that turn out to be fluid
   for (std::size_t s = 0; s < delaunay.size(); ++s)
   {
     const auto& simplex = delaunay[s];
@@ -129,8 +139,13 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     const double R = circumradius<dim>(corner);
     const double largest =
         std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
-    if (!(R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h) ||
-        on_one_piece<dim>(simplex, wall_pieces))
+    const bool watched = boundary > 0 && R <= watched_gap * h,
+               possible = R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h;
+    if (!(watched || possible) || on_one_piece<dim>(simplex, wall_pieces))
+      continue;
+    if (watched)
+      gaps.push_back(s);
+    if (!possible)
       continue;
     if (boundary == 0 && R <= rules.keep_inner * h)
     {
@@ -151,22 +166,15 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
   {
     const auto& [s, corner, R, h, boundary] = doubtful[d];
     const auto& simplex = delaunay[s];
-    int wall = 0;
-    for (const index_t n : simplex)
-      wall += (nodes.flag[static_cast<std::size_t>(n)] & on_wall) != 0;
     const bool was_fluid = boundary == 0 || was_inside[d];
-    const bool flat =
-        boundary == dim + 1 && wall <= dim && std::abs(quality<dim>(corner)) < rules.sliver_quality;
     bool fluid = false;
     if (boundary == 0)
       fluid = false; // too large
     else if (was_fluid)
-      fluid = R <= (boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : rules.keep) * h;
-    else if (rules.gap > 0.0)
-      fluid = closing_gap<dim>(simplex, nodes, rules.gap * h);
+      fluid = R <= (boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : rules.keep) * h &&
+              !is_flat<dim>(simplex, corner, nodes, rules.sliver_quality);
     else
-      fluid = R <= rules.create * h;
-    fluid = fluid && !flat;
+      fluid = becomes_fluid<dim>(simplex, nodes, rules);
     is_fluid[s] = fluid;
     if (fluid == was_fluid)
       continue;
@@ -179,11 +187,14 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
   for (std::size_t s = 0; s < delaunay.size(); ++s)
     if (is_fluid[s])
       choice.elements.push_back(delaunay[s]);
+  for (const std::size_t s : gaps)
+    if (!is_fluid[s])
+      choice.gaps.push_back(delaunay[s]);
   return choice;
 }
 
-template double quality<2>(const std::array<Vec<2>, 3>&);
-template double quality<3>(const std::array<Vec<3>, 4>&);
+template bool becomes_fluid<2>(const Simplex<2>&, const FluidNodes<2>&, const ShapeRules&);
+template bool becomes_fluid<3>(const Simplex<3>&, const FluidNodes<3>&, const ShapeRules&);
 template std::vector<Simplex<2>> alpha_shape<2>(std::span<const Vec<2>>, std::span<const double>, double,
                                                 const std::vector<Simplex<2>>&);
 template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::span<const double>, double,

@@ -34,6 +34,8 @@ template <int dim>
 struct ShapeChoice
 {
   std::vector<Simplex<dim>> elements;
+  std::vector<Simplex<dim>>
+      gaps; ///< not fluid, with a corner on the boundary and a circumradius below watched_gap · h
   double created = 0.0; ///< volume that was not fluid before
   double dropped = 0.0; ///< volume that was fluid before
   std::vector<double>
@@ -51,9 +53,11 @@ choose_fluid(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>
              const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
              std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules);
 
-/// Shape of a simplex, 1 for a regular one, in proportion to its height when flat, negative when inverted:
-/// 4√3 A/Σl² in the plane, 12 (3V)^(2/3)/Σl² in space (mean ratio; Liu & Joe 1994).
+/// A simplex that is not fluid would be after a remesh now.
 template <int dim>
-double quality(const std::array<Vec<dim>, dim + 1>& x);
+bool becomes_fluid(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, const ShapeRules& rules);
+
+/// Between two remeshes gaps are watched up to this circumradius, over the spacing.
+inline constexpr double watched_gap = 6.0;
 
 } // namespace undine::fluid

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <tuple>
 
@@ -51,17 +52,35 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
   return simplices;
 }
 
+namespace
+{
+
+/// Simplices in new numbers; those that lost a node are dropped. No new numbers: nothing changes.
+template <std::size_t corners>
+void renumber(std::vector<std::array<index_t, corners>>& simplices, const std::vector<index_t>& new_number)
+{
+  if (new_number.empty())
+    return;
+  for (auto& s : simplices)
+    for (index_t& n : s)
+      n = new_number[static_cast<std::size_t>(n)];
+  std::erase_if(simplices, [](const auto& s) { return *std::min_element(s.begin(), s.end()) < 0; });
+}
+
+} // namespace
+
 template <int dim>
 void Fluid<dim>::remesh()
 {
   if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
-    order_if_due(elements);
+    renumber(gaps_, order_if_due(elements));
     finish_mesh(std::move(elements));
     return;
   }
-  update_state(0, nodes_.size()); // the exchange of mass of the last step is part of the density that stays
+  check_state(update_state(
+      0, nodes_.size())); // the exchange of mass of the last step is part of the density that stays
   pass_openings();
   const double before = energy().total();
   if (!openings_.empty())
@@ -101,8 +120,12 @@ void Fluid<dim>::remesh()
   for (const auto& [kept, gone] : spacing.merges)
     number[static_cast<std::size_t>(gone)] = kept;
   follow(spacing.new_number);
-  follow(delete_isolated_nodes(choice.elements));
-  follow(order_if_due(choice.elements));
+  const auto deleted = delete_isolated_nodes(choice.elements), ordered = order_if_due(choice.elements);
+  follow(deleted);
+  follow(ordered);
+  gaps_ = std::move(choice.gaps);
+  renumber(gaps_, deleted);
+  renumber(gaps_, ordered);
   const std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   std::vector<Vec<dim>> v_half = nodes_.v;
@@ -148,6 +171,8 @@ void Fluid<dim>::triangulate()
   order_if_due(elements);
   finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
+  gaps_.clear();
+  travelled_ = std::numeric_limits<double>::max(); // no gap is known yet
 }
 
 template <int dim>
@@ -200,6 +225,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   }
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   sums_.reset(n_nodes);
+  sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
+  team_.share_out(n_nodes, mesh_);
   // Elements are sorted by their smallest node.
   const auto elements_below = [this](index_t n)
   {
@@ -215,7 +242,9 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
   record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
-  add_element_forces(dt_before_, 0, mesh_.n_elements());
+  for (index_t e = 0; e < mesh_.n_elements(); e += element_block)
+    add_element_forces(dt_before_, nullptr, e, std::min(e + element_block, mesh_.n_elements()),
+                       {.node_begin = 0, .node_end = n_nodes});
   take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
@@ -227,6 +256,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
   steps_since_remesh_ = 0;
+  travelled_ = 0.0;
+  good_for_ = 0;
   turned_over_ = 0;
   x_remesh_ = nodes_.x;
   quality_.resize(mesh_.elements.size());

@@ -1,9 +1,9 @@
 // What one step of the fluid costs, act by act: a dam break with a clock around every act of run_alone.
 //
-//   fluid_speed NODES_OVER_WIDTH T_END
+//   fluid_speed NODES_OVER_WIDTH T_END [THREADS]
 //
-// prints one JSON object: nanoseconds of CPU time per node and step, memory, STREAM triad of the same
-// process.
+// prints one JSON object: nanoseconds of CPU time per node and step (`wall`: of the clock on the wall),
+// memory, STREAM triad of the same process.
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
@@ -29,6 +29,13 @@ double cpu_seconds()
 {
   timespec t{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+double wall_seconds()
+{
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
@@ -91,11 +98,14 @@ int main(int argc, char** argv)
   const double T_end = argc > 2 ? std::atof(argv[2]) : 4.0;
   FluidConfig config = undine::test::dam_break_config(a / n);
 
+  if (argc > 3)
+    config.threads = std::atoi(argv[3]);
+
   const double memory_before = peak_bytes();
   Clock predict, solve, bound, look, remesh, output;
   const double begin = cpu_seconds();
   Fluid<2> fluid(config);
-  const double set_up = cpu_seconds() - begin;
+  const double set_up = cpu_seconds() - begin, wall_begin = wall_seconds();
   const double M = fluid.mass();
   const StepLadder ladder;
   double dt = 0.0, t = 0.0, node_steps = 0.0, remeshed_nodes = 0.0, volume_error = 0.0;
@@ -127,7 +137,7 @@ int main(int argc, char** argv)
       volume_error = std::max(volume_error, error);
     }
   }
-  const double all = cpu_seconds() - begin - set_up;
+  const double all = cpu_seconds() - begin - set_up, wall = wall_seconds() - wall_begin;
   const auto nodes = static_cast<double>(fluid.nodes().size());
   const double memory = peak_bytes() - memory_before;
   // A working set as large as the fluid's state (about 200 bytes a node), and one far larger than any cache.
@@ -135,13 +145,14 @@ int main(int argc, char** argv)
   const auto ns = [&](double seconds) { return 1e9 * seconds / node_steps; };
   const FluidEnergy e = fluid.energy();
   fmt::print(
-      "{{\"nodes\": {}, \"steps\": {}, \"remeshes\": {}, \"all\": {:.3f}, \"predict\": {:.3f}, "
+      "{{\"nodes\": {}, \"steps\": {}, \"remeshes\": {}, \"all\": {:.3f}, \"wall\": {:.3f}, \"predict\": "
+      "{:.3f}, "
       "\"solve\": {:.3f}, \"bound\": {:.3f}, \"look\": {:.3f}, \"remesh\": {:.3f}, \"output\": {:.3f}, "
       "\"set_up_us_per_node\": {:.3f}, \"remesh_us_per_node\": {:.4f}, \"cpu_s\": {:.3f}, "
       "\"peak_bytes_per_node\": {:.0f}, \"triad_same_size\": {:.1f}, \"triad_memory\": {:.1f}, "
       "\"volume_error\": {:.2e}, \"mass_drift\": {:.1e}, \"remesh_gain\": {:.5f}, \"remesh_loss\": {:.5f}, "
       "\"energy_scale\": {:.5f}, \"rebuilds\": {}, \"flips\": {}, \"T\": {:.3f}}}\n",
-      fluid.nodes().size(), step, fluid.remeshes(), ns(all), ns(predict.total), ns(solve.total),
+      fluid.nodes().size(), step, fluid.remeshes(), ns(all), ns(wall), ns(predict.total), ns(solve.total),
       ns(bound.total), ns(look.total), ns(remesh.total), ns(output.total), 1e6 * set_up / nodes,
       1e6 * remesh.total / std::max(1.0, remeshed_nodes), all, memory / nodes, triad(same_size, 20),
       triad(std::size_t{20000000}, 3), volume_error, fluid.mass() / M - 1.0, e.remesh_gain, e.remesh_loss,

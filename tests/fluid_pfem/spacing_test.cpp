@@ -3,6 +3,7 @@
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/run.hpp"
+#include "fluid_pfem/simplex.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 
 #include <catch2/catch.hpp>

@@ -1,0 +1,49 @@
+// Eight elements side by side.
+#pragma once
+
+#include "common/lanes.hpp"
+#include "fluid_pfem/fluid_mesh.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace undine::fluid
+{
+
+template <int dim>
+using EightElements = std::array<const Simplex<dim>*, Lanes::size>;
+
+/// Simplices list[first] … of a list that ends at `end` (null: first …); the last is repeated.
+template <int dim>
+EightElements<dim> eight_of(std::span<const Simplex<dim>> simplices, const index_t* list, index_t first,
+                            index_t end)
+{
+  EightElements<dim> element;
+  for (index_t l = 0; l < Lanes::size; ++l)
+  {
+    const index_t k = std::min(first + l, end - 1);
+    element[static_cast<std::size_t>(l)] =
+        &simplices[static_cast<std::size_t>(list == nullptr ? k : list[k])];
+  }
+  return element;
+}
+
+/// Where one corner of each of the eight is.
+template <int dim>
+void load_points(const Vec<dim>* x, const EightElements<dim>& element, std::size_t corner,
+                 Vec<dim, Lanes>& points)
+{
+  if constexpr (dim == 2)
+  {
+    const double* row[Lanes::size];
+    for (std::size_t l = 0; l < Lanes::size; ++l)
+      row[l] = x[(*element[l])[corner]].c.data();
+    load_pairs(row, points[0], points[1]);
+  }
+  else
+    for (std::size_t l = 0; l < Lanes::size; ++l)
+      for (int i = 0; i < dim; ++i)
+        points[i].set(static_cast<int>(l), x[(*element[l])[corner]][i]);
+}
+
+} // namespace undine::fluid

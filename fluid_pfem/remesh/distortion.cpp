@@ -1,0 +1,69 @@
+// Shape and deformation of elements, eight side by side.
+#include "fluid_pfem/remesh/distortion.hpp"
+
+#include "fluid_pfem/eight.hpp"
+#include "fluid_pfem/simplex.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace undine::fluid
+{
+
+template <int dim>
+[[gnu::flatten]] bool is_worse(const FluidMesh<dim>& mesh, std::span<const Vec<dim>> x,
+                               std::span<const float> before, double limit)
+{
+  constexpr int L = Lanes::size;
+  const index_t n = mesh.n_elements();
+  for (index_t first = 0; first < n; first += L)
+  {
+    const auto element = eight_of<dim>(mesh.elements, nullptr, first, n);
+    std::array<Vec<dim, Lanes>, dim + 1> corner;
+    for (std::size_t c = 0; c <= dim; ++c)
+      load_points<dim>(x.data(), element, c, corner[c]);
+    Lanes q_before;
+    for (int l = 0; l < L; ++l)
+      q_before.set(l, static_cast<double>(before[static_cast<std::size_t>(std::min(first + l, n - 1))]));
+    Lanes least = min(Lanes(limit), Lanes(0.6) * q_before);
+    if constexpr (dim == 3)
+      least *= least * least;
+    if (any(~(least <= quality_power<dim, Lanes>(corner))))
+      return true;
+  }
+  return false;
+}
+
+template <int dim>
+[[gnu::flatten]] bool is_strained(std::span<const Simplex<dim>> simplices, std::span<const Vec<dim>> x,
+                                  std::span<const Vec<dim>> x_before, std::span<const double> h, double limit)
+{
+  const auto n = static_cast<index_t>(simplices.size());
+  for (index_t first = 0; first < n; first += Lanes::size)
+  {
+    const auto element = eight_of<dim>(simplices, nullptr, first, n);
+    std::array<Vec<dim, Lanes>, dim + 1> now, then;
+    for (std::size_t c = 0; c <= dim; ++c)
+    {
+      load_points<dim>(x.data(), element, c, now[c]);
+      load_points<dim>(x_before.data(), element, c, then[c]);
+    }
+    Lanes most;
+    for (std::size_t l = 0; l < Lanes::size; ++l)
+      most.set(static_cast<int>(l), limit * h[static_cast<std::size_t>((*element[l])[0])]);
+    for (std::size_t a = 0; a <= dim; ++a)
+      for (std::size_t b = a + 1; b <= dim; ++b)
+        if (any(abs(sqrt(norm_squared(now[a] - now[b])) - sqrt(norm_squared(then[a] - then[b]))) > most))
+          return true;
+  }
+  return false;
+}
+
+template bool is_worse<2>(const FluidMesh<2>&, std::span<const Vec<2>>, std::span<const float>, double);
+template bool is_worse<3>(const FluidMesh<3>&, std::span<const Vec<3>>, std::span<const float>, double);
+template bool is_strained<2>(std::span<const Simplex<2>>, std::span<const Vec<2>>, std::span<const Vec<2>>,
+                             std::span<const double>, double);
+template bool is_strained<3>(std::span<const Simplex<3>>, std::span<const Vec<3>>, std::span<const Vec<3>>,
+                             std::span<const double>, double);
+
+} // namespace undine::fluid

@@ -1,0 +1,23 @@
+// Is the mesh still good?
+#pragma once
+
+#include "fluid_pfem/fluid_mesh.hpp"
+
+#include <span>
+#include <vector>
+
+namespace undine::fluid
+{
+
+/// An element's quality is below `limit` and below 0.6 of what it was, or not a number.
+/// @param before quality of each element at the last remesh
+template <int dim>
+bool is_worse(const FluidMesh<dim>& mesh, std::span<const Vec<dim>> x, std::span<const float> before,
+              double limit);
+
+/// An edge of the simplices has changed its length by more than `limit` · h since nodes were at x_before.
+template <int dim>
+bool is_strained(std::span<const Simplex<dim>> simplices, std::span<const Vec<dim>> x,
+                 std::span<const Vec<dim>> x_before, std::span<const double> h, double limit);
+
+} // namespace undine::fluid
