@@ -2,6 +2,7 @@
 #include "fluid_pfem/fluid.hpp"
 
 #include "common/error.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -12,6 +13,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace undine::fluid
@@ -405,14 +407,19 @@ bool Fluid<dim>::mesh_is_bad() const
     return false;
   if (!config_.remesh.only_if_moved || !solid_.empty()) // what a solid blocks is decided at remeshes only
     return true;
-  // A mesh is still good if its nodes have only moved together and no gap closes. Gaps that are not watched
+  // A mesh is still good if its nodes have only moved together and no gap closes: a gap that has kept its
+  // shape was decided at the last remesh, and round-off must not decide it again. Gaps that are not watched
   // are wider than twice the circumradius up to which they are.
   const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
                    is_strained<dim>(mesh_.elements, nodes_.x, x_remesh_, nodes_.h, config_.remesh.strain) ||
                    is_strained<dim>(gaps_, nodes_.x, x_remesh_, nodes_.h, 1.0) ||
                    std::any_of(gaps_.begin(), gaps_.end(),
                                [this](const Simplex<dim>& gap)
-                               { return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape); });
+                               {
+                                 return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape) &&
+                                        is_strained<dim>(std::span(&gap, 1), nodes_.x, x_remesh_, nodes_.h,
+                                                         0.1 * config_.remesh.strain);
+                               });
   if (!bad)
     good_for_ = due;
   return bad;
@@ -447,18 +454,19 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
 template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
-  FluidEnergy e;
   const Vec<dim> g = gravity();
+  ExactSum kinetic, internal, potential;
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
-    e.kinetic += 0.5 * nodes_.M[i] * dot(nodes_.v[i] - kick, nodes_.v[i] + kick);
+    kinetic.add(0.5 * nodes_.M[i] * dot(nodes_.v[i] - kick, nodes_.v[i] + kick));
     const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
                         nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
     if (!opened)
-      e.internal += nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]);
-    e.potential -= nodes_.M[i] * dot(g, nodes_.x[i]);
+      internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
+    potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
+  FluidEnergy e{.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
   e.dissipated = dissipated_;
   e.remesh_gain = remesh_gain_;
   e.remesh_loss = remesh_loss_;
@@ -471,17 +479,21 @@ FluidEnergy Fluid<dim>::energy() const
 template <int dim>
 FluidMass Fluid<dim>::mass_by_state() const
 {
-  FluidMass mass;
+  ExactSum meshed, flying, dynamic, volume;
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
   {
     const bool flies = nodes_.flag[i] & isolated_node;
-    (flies ? mass.flying : mass.meshed) += nodes_.M[i];
+    (flies ? flying : meshed).add(nodes_.M[i]);
     if (!flies)
     {
-      mass.dynamic += nodes_.m[i];
-      mass.volume += nodes_.V[i];
+      dynamic.add(nodes_.m[i]);
+      volume.add(nodes_.V[i]);
     }
   }
+  FluidMass mass{.meshed = meshed.value(),
+                 .flying = flying.value(),
+                 .dynamic = dynamic.value(),
+                 .volume = volume.value()};
   mass.deleted = ledger_.deleted_mass;
   mass.inflow = inflow_;
   mass.outflow = outflow_;

@@ -59,6 +59,15 @@ struct FluidMass
   double total() const { return meshed + flying + deleted + outflow - inflow; }
 };
 
+/// Mass that a node received from others in one change, and what it carries.
+template <int dim>
+struct Received
+{
+  double mass = 0.0;   ///< [kg]
+  Vec<dim> momentum{}; ///< [kg m/s]
+  double energy = 0.0; ///< kinetic [J]
+};
+
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
 /// [0, n_wet).
 template <int dim>
@@ -149,7 +158,7 @@ private:
   std::vector<Simplex<dim>> triangulation();
   void finish_mesh(std::vector<Simplex<dim>> elements);
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
-  std::vector<index_t> order_if_due(std::vector<Simplex<dim>>& elements);
+  std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
   void flag_nodes();
   std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
@@ -161,6 +170,8 @@ private:
   void pass_openings();
   void find_impedance();
   void let_waves_out(double dt, bool book);
+  void take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
+                 std::span<Vec<dim>> v_half);
   void smooth_mass_defect(std::span<Vec<dim>> v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;

@@ -5,6 +5,7 @@
 #include "common/types.hpp"
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace undine::fluid
@@ -18,6 +19,9 @@ constexpr Real regular_volume(const Real& h)
 {
   return dim == 2 ? Real(0.86602540378443865) * h * h : h * h * h;
 }
+
+/// Row of a node that has none yet.
+constexpr std::int64_t no_row = std::numeric_limits<std::int64_t>::max();
 
 /// What a node is since the last remesh.
 enum NodeFlag : std::uint8_t
@@ -45,6 +49,7 @@ struct FluidNodes
   std::vector<double> h;       ///< wanted spacing: the size field here, at the last remesh [m]
   std::vector<SurfaceMask> surface; ///< named surfaces the node lies on
   std::vector<global_index_t> id;   ///< for ever
+  std::vector<std::int64_t> row;    ///< of the sweep that numbers nodes: nodes are sorted by row, then id
   std::vector<std::uint8_t> flag;   ///< NodeFlag
   std::vector<std::uint8_t> alone;  ///< remeshes it has been isolated for
 
@@ -67,6 +72,7 @@ struct FluidNodes
     visit("h", h);
     visit("surface", surface);
     visit("id", id);
+    visit("row", row);
     visit("flag", flag);
     visit("alone", alone);
   }

@@ -157,6 +157,7 @@ double Openings<dim>::let_in(FluidNodes<dim>& nodes, std::vector<Simplex<dim>>& 
         nodes.m.back() = nodes.M.back() = nodes.V.back() = 0.0;
         nodes.rho.back() = rho0;
         nodes.id.back() = next_id++;
+        nodes.row.back() = no_row;
       }
       for (std::size_t k = 0; k + 1 < front.size(); ++k)
       {

@@ -24,7 +24,7 @@ CONFINED = [
     (r"toml(\.hpp|11/)", ("common/config/case_file.cpp",)),
     (r"hdf5\.h", ("common/io/frames.cpp", "common/io/state_archive.cpp", "common/io/hdf5_handle.hpp")),
     (r"CLI/", ("common/config/command_line.cpp",)),
-    (r"mpi\.h", ("common/coupling/*", "common/program/*", "*/main.cpp")),
+    (r"mpi\.h", ("common/coupling/*", "common/parallel/*", "common/program/*", "*/main.cpp")),
 ]
 
 

@@ -7,6 +7,44 @@
 namespace undine::fluid
 {
 
+namespace
+{
+
+/// Note that node `from` passes mass to node `to`.
+template <int dim>
+void pass_mass(std::size_t from, std::size_t to, double mass, std::span<const Vec<dim>> v_half,
+               std::span<double> dM, std::span<Received<dim>> received)
+{
+  dM[from] -= mass;
+  dM[to] += mass;
+  received[to].mass += mass;
+  received[to].momentum += mass * v_half[from];
+  received[to].energy += 0.5 * mass * norm_squared(v_half[from]);
+}
+
+/// The part θ ≤ 1 of a change of velocity that takes a rise of kinetic energy away: rise + θ linear + θ²
+/// square = 0.
+double part_of_the_way(double rise, double linear, double square)
+{
+  const double discriminant = linear * linear - 4.0 * square * rise;
+  return linear < 0.0 && discriminant > 0.0 ? std::min(1.0, 2.0 * rise / (std::sqrt(discriminant) - linear))
+                                            : 1.0;
+}
+
+/// Of a node that received mass and now has M: as far towards the common velocity as the kinetic energy of
+/// both parts asks for.
+template <int dim>
+Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& received)
+{
+  const double rise = 0.5 * received.mass * norm_squared(v) - received.energy;
+  if (!(rise > 0.0) || !(M > received.mass))
+    return {};
+  const Vec<dim> dv = (1.0 / M) * (received.momentum - received.mass * v);
+  return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
+}
+
+} // namespace
+
 /// Elements that the old or the new mesh has alone, or that have been deformed by the remesh.
 /// @param number present number of each old node, −1: deleted
 template <int dim>
@@ -132,10 +170,7 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
     if (const double gain = gain_of(n); gain > 0.0)
       if (const Patch& p = patch_of(n); p.mass > 0.0 && p.energy > 0.0 && p.square > 0.0)
       {
-        const double discriminant = p.linear * p.linear - 4.0 * p.square * p.energy;
-        const double theta = p.linear < 0.0 && discriminant > 0.0
-                                 ? std::min(1.0, 2.0 * p.energy / (std::sqrt(discriminant) - p.linear))
-                                 : 1.0;
+        const double theta = part_of_the_way(p.energy, p.linear, p.square);
         const Vec<dim> dv = theta * full_change(n, p, p.mass * gain / p.gain);
         nodes_.v[n] += dv;
         v_half[n] += dv;
@@ -145,37 +180,55 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 }
 
-/// Spread M − m over neighbours, conserving ΣM, without a gain of kinetic energy: the feedback then acts on
-/// the smooth part and makes no noise.
+/// Add what has been passed to the particle masses. Nodes keep their velocities, which conserves momentum of
+/// a linear field, unless that would raise the kinetic energy: then a receiver takes over as much of the
+/// velocity it received as keeps it. The coupler knows the velocity of wet nodes; they keep it.
+template <int dim>
+void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
+                           std::span<Vec<dim>> v_half)
+{
+  for (std::size_t n = 0; n < dM.size(); ++n)
+  {
+    nodes_.M[n] += dM[n];
+    if (static_cast<index_t>(n) < n_wet_)
+      continue;
+    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[n], v_half[n], received[n]);
+    v_half[n] += dv;
+    nodes_.v[n] += dv;
+  }
+}
+
+/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
+/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
 {
-  constexpr int sweeps = 5;
-  constexpr double share = 0.08;
+  constexpr int sweeps = dim == 2 ? 7 : 14;
+  const auto n_nodes = static_cast<std::size_t>(nodes_.size());
+  std::vector<double> share(n_nodes, 0.0), defect(n_nodes), dM(n_nodes); // share: per edge of an element
+  std::vector<Received<dim>> received(n_nodes);
+  for (index_t n = 0; n < nodes_.size(); ++n)
+    if (!mesh_.isolated(n))
+      share[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.fan(n).size());
   for (int sweep = 0; sweep < sweeps; ++sweep)
+  {
+    for (std::size_t n = 0; n < n_nodes; ++n)
+      defect[n] = nodes_.M[n] - nodes_.m[n];
+    std::fill(dM.begin(), dM.end(), 0.0);
+    std::fill(received.begin(), received.end(), Received<dim>{});
     for (const auto& e : mesh_.elements)
       for (std::size_t a = 0; a <= dim; ++a)
         for (std::size_t b = a + 1; b <= dim; ++b)
         {
           const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
-          const double wanted = share * ((nodes_.M[i] - nodes_.m[i]) - (nodes_.M[j] - nodes_.m[j]));
-          // A small node must not be emptied.
-          const double flux =
-              std::clamp(wanted, -0.1 * std::max(nodes_.M[j], 0.0), 0.1 * std::max(nodes_.M[i], 0.0));
-          nodes_.M[i] -= flux;
-          nodes_.M[j] += flux;
-          const std::size_t from = flux > 0.0 ? i : j, to = flux > 0.0 ? j : i;
-          const double rise = norm_squared(v_half[to]) - norm_squared(v_half[from]);
-          if (rise <= 0.0 || static_cast<index_t>(to) < n_wet_ || !(nodes_.M[to] > std::abs(flux)))
-            continue;
-          // The receiver slows down by a part of the way to the mean velocity that pays for the rise, to
-          // first order in the flux.
-          const Vec<dim> way = v_half[from] - v_half[to];
-          const double pays = -2.0 * dot(v_half[to], way);
-          const Vec<dim> dv = (std::min(1.0, rise / pays) * std::abs(flux) / nodes_.M[to]) * way;
-          v_half[to] += dv;
-          nodes_.v[to] += dv;
+          const bool forward = defect[i] > defect[j];
+          const std::size_t from = forward ? i : j, to = forward ? j : i;
+          const double s = std::min(share[i], share[j]);
+          pass_mass<dim>(from, to, s * std::min(defect[from] - defect[to], std::max(nodes_.M[from], 0.0)),
+                         v_half, dM, received);
         }
+    take_mass(dM, received, v_half);
+  }
 }
 
 template class Fluid<2>;

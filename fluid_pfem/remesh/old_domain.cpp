@@ -93,6 +93,13 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
         low[i] = std::min(low[i], p[i]);
         high[i] = std::max(high[i], p[i]);
       }
+    // A point within round-off of the element counts: it must not matter where bins begin.
+    for (int i = 0; i < dim; ++i)
+    {
+      const double margin = 1e-6 * (high[i] - low[i]) + 1e-9 * bin;
+      low[i] -= margin;
+      high[i] += margin;
+    }
     std::array<long, dim> first = cell_of(low), last = cell_of(high);
     bool beside = false;
     for (std::size_t i = 0; i < dim; ++i)

@@ -199,6 +199,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     nodes.h.push_back(mean(nodes.h[k], nodes.h[l]));
     nodes.surface.push_back(shared_surface);
     nodes.id.push_back(next_id++);
+    nodes.row.push_back(no_row);
     nodes.flag.push_back(static_cast<std::uint8_t>(
         on_the_boundary ? nodes.flag[k] & nodes.flag[l] & (on_boundary | on_free_surface | on_wall) : 0));
     nodes.alone.push_back(0);

@@ -1,5 +1,6 @@
 // New connectivity at a synchronised time.
 #include "common/error.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -9,9 +10,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <iterator>
 #include <numeric>
-#include <tuple>
 
 namespace undine::fluid
 {
@@ -20,6 +20,22 @@ namespace
 {
 
 constexpr double on_wall_within = 0.02; // of the spacing
+
+/// Numbers that look random, each another (finaliser of splitmix64).
+std::uint64_t mixed(std::uint64_t z)
+{
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
+  return z ^ (z >> 31);
+}
+
+/// The corners in the order of their numbers, so that what is computed of them depends on the set only.
+template <int dim>
+std::array<Vec<dim>, dim + 1> sorted_corners(std::span<const Vec<dim>> x, Simplex<dim> e)
+{
+  std::sort(e.begin(), e.end());
+  return corners<dim>(x, e);
+}
 
 } // namespace
 
@@ -30,6 +46,13 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
   delaunay_.update(nodes_.x);
   std::vector<Simplex<dim>> simplices = delaunay_.simplices();
   constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
+  const auto spacing = [&](const Simplex<dim>& e)
+  {
+    double least = nodes_.h[static_cast<std::size_t>(e[0])];
+    for (const index_t n : e)
+      least = std::min(least, nodes_.h[static_cast<std::size_t>(n)]);
+    return least;
+  };
   if (contact_.has_convex())
     std::erase_if(simplices,
                   [&](const Simplex<dim>& e)
@@ -38,8 +61,7 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
                         e.begin(), e.end(),
                         [&](index_t n) { return nodes_.flag[static_cast<std::size_t>(n)] & on_boundary; });
                     return outer >= 2 &&
-                           contact_.blocks(corners<dim>(nodes_.x, e),
-                                           around_corner * nodes_.h[static_cast<std::size_t>(e[0])]);
+                           contact_.blocks(sorted_corners<dim>(nodes_.x, e), around_corner * spacing(e));
                   });
   if (!solid_.empty())
   {
@@ -47,8 +69,7 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
     std::erase_if(simplices,
                   [&](const Simplex<dim>& e)
                   {
-                    const bool blocked =
-                        solid_.blocks(corners<dim>(nodes_.x, e), nodes_.h[static_cast<std::size_t>(e[0])]);
+                    const bool blocked = solid_.blocks(sorted_corners<dim>(nodes_.x, e), spacing(e));
                     if (blocked)
                       erased.push_back(e);
                     return blocked;
@@ -82,7 +103,7 @@ void Fluid<dim>::remesh()
   if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
-    renumber(gaps_, order_if_due(elements));
+    renumber(gaps_, order_nodes(elements));
     finish_mesh(std::move(elements));
     return;
   }
@@ -128,7 +149,7 @@ void Fluid<dim>::remesh()
   for (const auto& [kept, gone] : spacing.merges)
     number[static_cast<std::size_t>(gone)] = kept;
   follow(spacing.new_number);
-  const auto deleted = delete_isolated_nodes(choice.elements), ordered = order_if_due(choice.elements);
+  const auto deleted = delete_isolated_nodes(choice.elements), ordered = order_nodes(choice.elements);
   follow(deleted);
   follow(ordered);
   gaps_ = std::move(choice.gaps);
@@ -164,10 +185,11 @@ std::vector<Vec<dim>> Fluid<dim>::half_step_velocity() const
 template <int dim>
 double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
 {
-  FluidEnergy e = energy();
-  e.kinetic = 0.0;
+  ExactSum kinetic;
   for (std::size_t n = 0; n < v_half.size(); ++n)
-    e.kinetic += 0.5 * nodes_.M[n] * norm_squared(v_half[n]);
+    kinetic.add(0.5 * nodes_.M[n] * norm_squared(v_half[n]));
+  FluidEnergy e = energy();
+  e.kinetic = kinetic.value();
   return e.total();
 }
 
@@ -184,7 +206,8 @@ void Fluid<dim>::update_spacing()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, triangulation());
+  std::vector<Simplex<dim>> delaunay = triangulation();
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay);
   if (inside_)
     std::erase_if(elements,
                   [&](const Simplex<dim>& e)
@@ -194,11 +217,16 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(centroid);
                   });
-  order_if_due(elements);
+  renumber(delaunay, order_nodes(elements));
   finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
-  gaps_.clear();
-  travelled_ = std::numeric_limits<double>::max(); // no gap is known yet
+  // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), delaunay, nodes_.x, mesh_.elements,
+                                              config_.element_size, config_.remesh.shape);
+  gaps_ = std::move(choice.gaps);
+  const auto chosen = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
+  std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
+                      std::back_inserter(gaps_));
 }
 
 template <int dim>
@@ -347,38 +375,66 @@ void Fluid<dim>::flag_nodes()
 }
 
 /// One or two elements that hang together with no others are spray: as fluid they would be a spring between
-/// few nodes that snaps. Their nodes fly.
+/// few nodes that snaps. Their nodes fly. Elements decide by what is at their nodes: where three meet in a
+/// node, or one meets two others, the group is large enough, and the neighbours of such elements belong to
+/// it.
 template <int dim>
 void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 {
-  constexpr int fewest = 3; // elements
-  std::vector<index_t> root(nodes_.x.size());
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](index_t n)
-  {
-    while (root[static_cast<std::size_t>(n)] != n)
-      n = root[static_cast<std::size_t>(n)] =
-          root[static_cast<std::size_t>(root[static_cast<std::size_t>(n)])];
-    return n;
-  };
+  const auto n_nodes = nodes_.x.size();
+  std::vector<index_t> count(n_nodes, 0); // of elements
   for (const auto& e : choice.elements)
     for (const index_t n : e)
-      root[static_cast<std::size_t>(find(n))] = find(e[0]);
-  std::vector<int> count(nodes_.x.size(), 0);
+      ++count[static_cast<std::size_t>(n)];
+  const auto crowded = [&](const Simplex<dim>& e)
+  {
+    return std::any_of(e.begin(), e.end(), [&](index_t n) { return count[static_cast<std::size_t>(n)] > 2; });
+  };
+  const auto name = [&](const Simplex<dim>& e)
+  {
+    std::uint64_t sum = 0; // of mixed identifiers: no order
+    for (const index_t n : e)
+      sum += mixed(static_cast<std::uint64_t>(nodes_.id[static_cast<std::size_t>(n)]));
+    return mixed(sum);
+  };
+  std::vector<std::uint64_t> names(n_nodes, 0); // of the elements at a node, combined
   for (const auto& e : choice.elements)
-    ++count[static_cast<std::size_t>(find(e[0]))];
+    if (!crowded(e))
+      for (const index_t n : e)
+        names[static_cast<std::size_t>(n)] ^= name(e);
+  const auto is_large = [&](const Simplex<dim>& e)
+  {
+    if (crowded(e))
+      return true;
+    std::uint64_t other = 0;
+    for (const index_t n : e)
+      if (count[static_cast<std::size_t>(n)] == 2)
+      {
+        const std::uint64_t here = names[static_cast<std::size_t>(n)] ^ name(e);
+        if (here == 0 || (other != 0 && here != other)) // 0: the other one is crowded
+          return true;
+        other = here;
+      }
+    return false;
+  };
+  std::vector<char> large(n_nodes, 0);
+  for (const auto& e : choice.elements)
+    if (is_large(e))
+      for (const index_t n : e)
+        large[static_cast<std::size_t>(n)] = 1;
+  const SurfaceMask kept = wet_mask_ | openings_.driven_mask();
   std::erase_if(choice.elements,
                 [&](const Simplex<dim>& e)
                 {
-                  const bool wet = std::any_of(e.begin(), e.end(),
-                                               [&](index_t n) {
-                                                 return (nodes_.surface[static_cast<std::size_t>(n)] &
-                                                         (wet_mask_ | openings_.driven_mask())) != 0;
-                                               });
-                  if (wet || count[static_cast<std::size_t>(find(e[0]))] >= fewest)
-                    return false;
-                  choice.dropped += std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e)));
-                  return true;
+                  const bool stays = std::any_of(e.begin(), e.end(),
+                                                 [&](index_t n)
+                                                 {
+                                                   const auto i = static_cast<std::size_t>(n);
+                                                   return large[i] || (nodes_.surface[i] & kept) != 0;
+                                                 });
+                  if (!stays)
+                    choice.dropped += std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e)));
+                  return !stays;
                 });
 }
 
@@ -496,57 +552,55 @@ void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 
 } // namespace
 
-/// Wet nodes first, then their neighbours, then the rest; inside each group along the box diagonal's sweep
-/// (by rows of one spacing).
-/// @returns the new number of each node
+/// Wet nodes first, then their neighbours, then the rest; inside each group by rows of two spacings, the last
+/// axis slowest, then by identifier. Rows are those of a node's birth or of the last time that all were
+/// renewed: neighbours in space should be neighbours in memory, but need not be every time. The order is one
+/// of the nodes, whoever holds them, and with it the order in which elements are summed.
+/// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
 {
+  constexpr std::int64_t renew_every = 25; // remeshes
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
-  std::vector<char> used(n_nodes, 0);
-  for (const auto& e : elements)
-    for (const index_t n : e)
-      used[static_cast<std::size_t>(n)] = 1;
-  std::vector<int> group(n_nodes, 2);
-  n_wet_ = n_layer_ = 0;
+  const bool renew = ledger_.remeshes % renew_every == 0;
   for (std::size_t n = 0; n < n_nodes; ++n)
-    if (((nodes_.surface[n] & wet_mask_) && used[n]) ||
-        solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
-      group[n] = 0;
-  travel_ = 0.0;
-  for (const auto& e : elements)
-    if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
-      for (const index_t n : e)
-        group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], 1);
-  for (const int g : group)
-  {
-    n_wet_ += g == 0;
-    n_layer_ += g <= 1;
-  }
+    if (renew || nodes_.row[n] == no_row)
+    {
+      nodes_.row[n] = 0;
+      for (int i = dim - 1; i >= 0; --i)
+      {
+        constexpr double most = 1 << 19; // 20 bits per axis
+        const double row = std::floor(nodes_.x[n][i] / (2.0 * config_.element_size));
+        nodes_.row[n] = (nodes_.row[n] << 20) + static_cast<std::int64_t>(std::clamp(row, -most, most - 1.0));
+      }
+    }
+  const std::vector<char> group = wet_groups(elements);
 
-  std::vector<index_t> old_of_new(n_nodes);
-  std::iota(old_of_new.begin(), old_of_new.end(), 0);
-  const auto row = [&](index_t n)
+  struct Place
   {
-    std::array<long, dim> cell{};
-    for (int i = 0; i < dim; ++i) // the last axis runs slowest
-      cell[static_cast<std::size_t>(dim - 1 - i)] =
-          std::lround(std::floor(nodes_.x[static_cast<std::size_t>(n)][i] / (2.0 * config_.element_size)));
-    return cell;
+    char group;
+    std::int64_t row;
+    global_index_t id;
+    index_t n;
+    bool operator<(const Place& b) const
+    {
+      return group != b.group ? group < b.group : row != b.row ? row < b.row : id < b.id;
+    }
   };
-  std::sort(old_of_new.begin(), old_of_new.end(),
-            [&](index_t a, index_t b)
-            {
-              const auto key = [&](index_t n) {
-                return std::tuple(group[static_cast<std::size_t>(n)], row(n),
-                                  nodes_.id[static_cast<std::size_t>(n)]);
-              };
-              return key(a) < key(b);
-            });
-  std::vector<index_t> new_of_old(n_nodes);
+  std::vector<Place> places(n_nodes);
   for (std::size_t n = 0; n < n_nodes; ++n)
-    new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
-
+    places[n] = {group.empty() ? char{0} : group[n], nodes_.row[n], nodes_.id[n], static_cast<index_t>(n)};
+  const auto sorted = std::is_sorted_until(places.begin(), places.end()); // mostly all but the new ones
+  if (sorted == places.end())
+    return {};
+  std::sort(sorted, places.end());
+  std::inplace_merge(places.begin(), sorted, places.end());
+  std::vector<index_t> old_of_new(n_nodes), new_of_old(n_nodes);
+  for (std::size_t n = 0; n < n_nodes; ++n)
+  {
+    old_of_new[n] = places[n].n;
+    new_of_old[static_cast<std::size_t>(places[n].n)] = static_cast<index_t>(n);
+  }
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
   delaunay_.renumber(new_of_old);
   for (auto& e : elements)
@@ -555,16 +609,33 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   return new_of_old;
 }
 
-/// Neighbours in space should be neighbours in memory; a few new nodes at the end do not matter, wet nodes
-/// must come first.
+/// 0 for wet nodes, 1 for their neighbours, 2 for the rest; empty where there can be no wet ones.
 template <int dim>
-std::vector<index_t> Fluid<dim>::order_if_due(std::vector<Simplex<dim>>& elements)
+std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elements)
 {
-  constexpr std::int64_t order_every = 25;
-  if (wet_mask_ != 0 || !solid_.empty() || ledger_.remeshes % order_every == 0)
-    return order_nodes(elements);
-  n_layer_ = 0;
-  return {};
+  n_wet_ = n_layer_ = 0;
+  travel_ = 0.0;
+  if (wet_mask_ == 0 && solid_.empty())
+    return {};
+  const auto n_nodes = nodes_.x.size();
+  std::vector<char> used(n_nodes, 0), group(n_nodes, 2);
+  for (const auto& e : elements)
+    for (const index_t n : e)
+      used[static_cast<std::size_t>(n)] = 1;
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (((nodes_.surface[n] & wet_mask_) && used[n]) ||
+        solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
+      group[n] = 0;
+  for (const auto& e : elements)
+    if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
+      for (const index_t n : e)
+        group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], char{1});
+  for (const char g : group)
+  {
+    n_wet_ += g == 0;
+    n_layer_ += g <= 1;
+  }
+  return group;
 }
 
 template class Fluid<2>;
