@@ -106,10 +106,14 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
       largest = max(largest, abs(add.dm[c]));
     }
     // No corner is lighter than a quarter of its share of this element unless elements have turned over.
-    if (any(Real(k.dt) * largest > Real(0.05 * 0.25 * weight) * rho * V))
+    const Real wanted = Real(k.dt) * largest;
+    const auto heavy = wanted > Real(0.05 * 0.25 * weight) * rho * V;
+    if (any(heavy))
     {
-      const Real allowed = Real(0.05) * max(least_mass(), Real(0.0)), wanted = Real(k.dt) * largest;
-      const Real share = select(wanted > allowed, allowed / max(wanted, Real(1e-300)), Real(1.0));
+      const Real allowed = Real(0.05) * max(least_mass(), Real(0.0));
+      // Lane by lane: what an element does must not depend on those beside it.
+      const Real limited = select(wanted > allowed, allowed / max(wanted, Real(1e-300)), Real(1.0));
+      const Real share = select(heavy, limited, Real(1.0));
       for (std::size_t c = 0; c <= dim; ++c)
         add.dm[c] *= share;
     }
