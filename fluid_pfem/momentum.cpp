@@ -121,11 +121,18 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
   return add;
 }
 
-/// Flattened: eight elements fit into the registers only if every formula is inlined.
+// Flattened: eight elements fit into the registers only if every formula is inlined. With sanitizers that
+// would take the compiler minutes.
+#ifdef __SANITIZE_ADDRESS__
+#define UNDINE_FLATTEN
+#else
+#define UNDINE_FLATTEN [[gnu::flatten]]
+#endif
+
 template <bool bulk, bool shear, bool exchange, int dim>
-[[gnu::flatten]] double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
-                                     const Constants& k, const Vec<dim>& body, const index_t* list,
-                                     index_t begin, index_t end, const Share& share, ElementSums<dim>& sums)
+UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
+                                   const Constants& k, const Vec<dim>& body, const index_t* list,
+                                   index_t begin, index_t end, const Share& share, ElementSums<dim>& sums)
 {
   using Record = NodeRecord<dim>;
   constexpr int L = Lanes::size;
