@@ -15,7 +15,7 @@ dolfinx the same with FEniCSx, also on two ranks.
 gate    the elastic gate with GetFEM and with solid_fe, contact that opens and closes, 500 equal steps: equal up to round-off
         that contact and remeshing amplify (1e-6).
 gate_peak  the same until after the peak, each with its own step, so that meshes and contact differ from some point on: apart by
-        less than the mesh error at this resolution, by which 20 and 40 nodes differ (3.4 %), and a tenth of it at the peak.
+        less than 1 %, and a third of it at the peak. Seen: 1.8 % (not met), 0.03 %.
 """
 import argparse
 import json
@@ -165,7 +165,7 @@ def gate(build, folder):
 def gate_peak(build, folder):
     if is_here("getfem"):
         a, b = tips(build, folder)
-        expect(distance(a, b, "u_x[m]"), 0.034, "gate in contact: GetFEM = solid_fe, each with its own step, until after the peak")
+        expect(distance(a, b, "u_x[m]"), 0.01, "gate in contact: GetFEM = solid_fe, each with its own step, until after the peak")
         peaks = [float(np.max(history["u_x[m]"])) for history in (a, b)]
         expect(abs(peaks[0] / peaks[1] - 1.0), 0.0034, f"their peaks, {peaks[0]:.5f} and {peaks[1]:.5f} m")
 
