@@ -79,6 +79,7 @@ private:
     double gap = 0.0;               ///< the gap must grow by at least −gap in this step [m]
     double compliance = 0.0;        ///< n·(m⁻¹ + Σ P² M_c⁻¹) n [1/kg]
     double impulse = 0.0;
+    bool held = false; ///< the gap is closed from both sides
   };
   struct Weight
   {
@@ -89,7 +90,9 @@ private:
   void find_candidates(double travel);
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
-  void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight);
+  void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
+  void find_held();
+  void let_go();
   void solve(double dt);
   static std::vector<Vec<dim>> as_points(std::span<const double> values);
   static Vec<dim> product(const std::vector<double>& inverse_mass, index_t n, const Vec<dim>& w);
@@ -118,7 +121,9 @@ private:
   std::vector<Row> rows_;
   std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it
-  std::vector<Vec<dim>> dv_solid_;
+  std::vector<std::array<index_t, 2>>
+      held_; ///< per fluid node: the solid's facets before and after its corner
+  std::vector<Vec<dim>> dv_fluid_, dv_solid_;
   std::array<Vec<dim>, 2> impulse_{};
   ContactReport report_;
   InterfaceBalance balance_;

@@ -99,6 +99,16 @@ Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double allowed, double de
   return foot;
 }
 
+template <int dim>
+std::vector<Vec<dim>> SolidSurface<dim>::convex_corners() const
+{
+  std::vector<Vec<dim>> corners;
+  for (const auto& [before, after] : surface_.convex_corners(side_))
+    corners.push_back(
+        surface_.x()[static_cast<std::size_t>(surface_.facets()[static_cast<std::size_t>(before)].back())]);
+  return corners;
+}
+
 /// The edge goes in through one side of the solid and out through the opposite one, ends within `tolerance`
 /// of the surface included: however thin the solid is, as long as it is thicker than that.
 template <int dim>

@@ -43,6 +43,8 @@ public:
   /// The simplex with these corners lies in the solid, or passes through it.
   /// @param h spacing of the fluid [m]
   bool blocks(std::span<const Vec<dim>> corner, double h) const;
+  /// Where two smooth sides meet and the solid is convex; in space none.
+  std::vector<Vec<dim>> convex_corners() const;
 
 private:
   bool crossed_by(const Vec<dim>& a, const Vec<dim>& b, double tolerance) const;

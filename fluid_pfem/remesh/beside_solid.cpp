@@ -141,4 +141,47 @@ std::vector<Simplex<3>> fill_beside(const SolidSurface<3>&, std::span<const Vec<
   return {};
 }
 
+template <>
+void cling_to_corners<2>(const SolidSurface<2>& solid, std::span<const Facet<2>> boundary,
+                         std::span<const double> h, double reach, std::span<Vec<2>> x)
+{
+  constexpr double cut = 0.02; // of the spacing: nearer than this a node is on the surface
+  const std::vector<Vec<2>> corners = solid.convex_corners();
+  for (const Vec<2>& corner : corners)
+  {
+    const bool blunt = std::none_of(corners.begin(), corners.end(),
+                                    [&](const Vec<2>& other)
+                                    { return &other != &corner && norm(other - corner) < reach * h[0]; });
+    if (!blunt) // the end of a thin plate: no room for two nodes
+      continue;
+    index_t nearest = -1;
+    double distance = 0.0;
+    for (const auto& [a, b] : boundary)
+    {
+      const Vec<2> from = x[static_cast<std::size_t>(a)], edge = x[static_cast<std::size_t>(b)] - from,
+                   to_corner = corner - from;
+      const double spacing = h[static_cast<std::size_t>(a)], length = norm(edge),
+                   depth = (edge[0] * to_corner[1] - edge[1] * to_corner[0]) / length,
+                   along = dot(edge, to_corner) / length;
+      if (depth < cut * spacing || depth > reach * spacing || along < 0.0 || along > length)
+        continue;
+      const index_t n = 2.0 * along < length ? a : b;
+      const double d = norm(x[static_cast<std::size_t>(n)] - corner);
+      if (d < reach * spacing && (nearest < 0 || d < distance))
+      {
+        nearest = n;
+        distance = d;
+      }
+    }
+    if (nearest >= 0)
+      x[static_cast<std::size_t>(nearest)] = corner;
+  }
+}
+
+template <>
+void cling_to_corners<3>(const SolidSurface<3>&, std::span<const Facet<3>>, std::span<const double>, double,
+                         std::span<Vec<3>>)
+{
+}
+
 } // namespace undine::fluid

@@ -24,4 +24,14 @@ std::vector<Simplex<dim>> fill_beside(const SolidSurface<dim>& solid, std::span<
                                       std::span<const double> h, std::span<const Simplex<dim>> erased,
                                       double largest_radius);
 
+/// A sharp corner of the solid that a facet of the fluid's boundary cuts off gets the facet's nearer node, if
+/// that is nearer than `reach` spacings: water that flows around it leaves a node behind there. Else the
+/// elements that cover the corner would go at some remesh, and their volume with them. In space nothing is
+/// done.
+/// @param boundary facets with the fluid on their left
+/// @param x of the nodes, changed [m]
+template <int dim>
+void cling_to_corners(const SolidSurface<dim>& solid, std::span<const Facet<dim>> boundary,
+                      std::span<const double> h, double reach, std::span<Vec<dim>> x);
+
 } // namespace undine::fluid
