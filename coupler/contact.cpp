@@ -65,7 +65,13 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("slid", slid_);
   archive("partner", partner_);
   archive("partner_inverse_mass", partner_inverse_mass_);
-  archive("held", held_);
+  std::vector<std::array<index_t, 4>> held;
+  for (const Held& k : held_)
+    held.push_back({k.facet[0], k.facet[1], k.neighbour[0], k.neighbour[1]});
+  archive("held", held);
+  held_.clear();
+  for (const auto& k : held)
+    held_.push_back({{k[0], k[1]}, {k[2], k[3]}});
   archive("dv_fluid", dv_fluid_);
   archive("dv_solid", dv_solid_);
   archive("impulse", impulse_);
@@ -97,7 +103,7 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
 template <int dim>
 void UnilateralContact<dim>::find_held()
 {
-  held_.assign(x_.size(), {-1, -1});
+  held_.assign(x_.size(), {});
   if constexpr (dim == 2)
   {
     constexpr double same_place = 1e-6, touching = 0.02; // of a facet
@@ -123,23 +129,37 @@ void UnilateralContact<dim>::find_held()
       for (std::size_t k = 0; k < x_.size(); ++k) // the fluid runs along the solid the other way round
         if (norm(x_[k] - at) < same_place * size && lies_on(after[k], corner[0]) &&
             lies_on(before[k], corner[1]))
-          held_[k] = corner;
+          held_[k] = {corner, {before[k], after[k]}};
     }
   }
 }
 
-/// Held nodes that would have to be pulled slide or leave from the next step on.
+/// Held nodes that the water presses less than what would turn them around the corner slide or leave from the
+/// next step on.
 template <int dim>
-void UnilateralContact<dim>::let_go()
+void UnilateralContact<dim>::let_go(double dt, const std::array<std::vector<double>, 2>& v)
 {
+  const auto velocity = [&v](Side side, index_t n)
+  {
+    Vec<dim> w;
+    for (int i = 0; i < dim; ++i)
+      w[i] = v[side][static_cast<std::size_t>(n * dim + i)];
+    return w;
+  };
   for (std::size_t k = 0; k < x_.size(); ++k)
-    if (held_[k][0] >= 0)
+    if (Held& held = held_[k]; held.facet[0] >= 0)
     {
       Vec<dim> outward{};
-      for (const index_t f : held_[k])
+      for (const index_t f : held.facet)
         outward += after_.normal_of(f);
-      if (dot(outward, dv_fluid_[k]) < 0.0)
-        held_[k] = {-1, -1};
+      const double pressed = dot(outward, dv_fluid_[k]) / (norm(outward) * dt); // [m/s²]
+      const Vec<dim> V = velocity(Side::solid, after_.facets()[static_cast<std::size_t>(held.facet[0])][1]);
+      double turning = 0.0; // v²/r [m/s²]
+      for (const index_t n : held.neighbour)
+        turning = std::max(turning, norm_squared(velocity(Side::fluid, n) - V) /
+                                        norm(x_[static_cast<std::size_t>(n)] - x_[k]));
+      if (!(pressed > turning))
+        held = {};
     }
 }
 
@@ -326,11 +346,11 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
   {
     const Near& near = near_[k];
     const std::size_t first = weights_.size();
-    if (held_[k][0] >= 0)
+    if (held_[k].facet[0] >= 0)
       for (int i = 0; i < dim; ++i)
       {
         const std::size_t begin = weights_.size();
-        weights_.push_back({after_.facets()[static_cast<std::size_t>(held_[k][0])][1], 1.0});
+        weights_.push_back({after_.facets()[static_cast<std::size_t>(held_[k].facet[0])][1], 1.0});
         Vec<dim> e{};
         e[i] = 1.0;
         add_row(static_cast<index_t>(k), e, begin, true);
@@ -428,7 +448,7 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
   if (!rows_.empty())
   {
     solve(dt);
-    let_go();
+    let_go(dt, v);
     ++report_.solves;
     std::fill(last_impulse_.begin(), last_impulse_.end(), 0.0);
   }

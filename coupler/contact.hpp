@@ -20,6 +20,12 @@
 // cross the surface ends the step on it, slides freely and may leave. Impulses are equal and opposite:
 // momentum is conserved to round-off. Landing is inelastic and can only lose energy. A node that stays on the
 // surface has n·(v − V) = 0 in every half step, so that lasting contact does no net work.
+//
+// In the plane a node that lies on a sharp corner of the solid, with water on both sides of the corner, is
+// held there by both components of Λ: the facets of a node that slides around would cut the corner off, and
+// the water that they cover is lost when they are replaced. It is let go when the water presses it on the
+// corner with less than what turns a node of its mass around there, at the speed and distance of its
+// neighbours on the boundary: such a flow separates.
 #pragma once
 
 #include "common/coupling/messages.hpp"
@@ -92,7 +98,7 @@ private:
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
   void find_held();
-  void let_go();
+  void let_go(double dt, const std::array<std::vector<double>, 2>& v);
   void solve(double dt);
   static std::vector<Vec<dim>> as_points(std::span<const double> values);
   static Vec<dim> product(const std::vector<double>& inverse_mass, index_t n, const Vec<dim>& w);
@@ -121,8 +127,12 @@ private:
   std::vector<Row> rows_;
   std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it
-  std::vector<std::array<index_t, 2>>
-      held_; ///< per fluid node: the solid's facets before and after its corner
+  struct Held
+  {
+    std::array<index_t, 2> facet{-1, -1}; ///< of the solid, before and after the corner; −1: not held
+    std::array<index_t, 2> neighbour{};   ///< on the fluid's boundary
+  };
+  std::vector<Held> held_; ///< per fluid node
   std::vector<Vec<dim>> dv_fluid_, dv_solid_;
   std::array<Vec<dim>, 2> impulse_{};
   ContactReport report_;

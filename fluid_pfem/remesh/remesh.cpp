@@ -117,7 +117,7 @@ void Fluid<dim>::remesh()
   update_spacing();
   const std::vector<Vec<dim>> old_x = nodes_.x;
   if (!solid_.empty())
-    cling_to_corners<dim>(solid_, mesh_.boundary, nodes_.h, config_.remesh.spacing.merge, nodes_.x);
+    cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {

@@ -289,24 +289,31 @@ TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's ne
 {
   link::SurfaceMesh square; // [0, 1]², the body on the left of its faces
   square.dim = 2;
+  square.node_id = {0, 1, 2, 3};
   square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
   square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
   square.face_offset = {0, 2, 4, 6, 8};
   SolidSurface<2> solid;
   solid.show(square, 0.0);
-  const double h = 0.1;
-  const std::vector<double> spacing(2, h);
   const std::vector<Facet<2>> facet{
-      {0, 1}}; // from the bottom to the left side, the water below and left of it
+      {0, 1}};        // from the bottom to the left side, the water below and left of it
+  double speed = 0.9; // of 1 m/s, at which rho v^2 = p
   const auto ends = [&](const Vec<2>& on_bottom, const Vec<2>& on_left)
   {
-    std::vector<Vec<2>> x{on_bottom, on_left};
-    cling_to_corners<2>(solid, facet, spacing, 0.45, x);
-    return x;
+    FluidNodes<2> nodes;
+    nodes.x = {on_bottom, on_left};
+    nodes.v.assign(2, {{0.0, speed}});
+    nodes.rho.assign(2, 1000.0);
+    nodes.p.assign(2, 1000.0);
+    nodes.h.assign(2, 0.1);
+    cling_to_corners<2>(solid, facet, 0.45, nodes);
+    return nodes.x;
   };
   CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.0}});
   CHECK(ends({{0.04, 0.0}}, {{0.0, 0.09}})[0] == Vec<2>{{0.0, 0.0}});
   CHECK(ends({{0.1, 0.0}}, {{-0.03, -0.001}})[1] == Vec<2>{{-0.03, -0.001}}); // passes before the corner
   CHECK(ends({{0.1, 0.0}}, {{0.0, 0.0005}})[1] == Vec<2>{{0.0, 0.0005}});     // hardly in it
   CHECK(ends({{0.06, 0.0}}, {{0.0, 0.06}})[0] == Vec<2>{{0.06, 0.0}});        // both too far
+  speed = 1.1;                                                                // too fast for the turn
+  CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.03}});
 }
