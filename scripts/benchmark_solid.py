@@ -145,7 +145,10 @@ def speed(sizes):
         triad, *table = program("solid_speed", int(size)).strip().splitlines()
         lines += [f"## {size:.0e} elements".replace("e+0", "e"), "", f"{triad[0].upper()}{triad[1:]}.", "", *table, ""]
     lines += ["## Work that is left out", "", "ns per element and step of the whole solid, 1e5 elements, one point, two solids in turn, medians of nine. The answers are the same: `tests/solid_fe/skips_test.cpp`, "
-              "`plasticity_test.cpp`.", "", *program("solid_speed", "--skips", 100000).strip().splitlines(), ""]
+              "`plasticity_test.cpp`.", "", *program("solid_speed", "--skips", 100000).strip().splitlines(), "",
+              "## Broad phase of contact", "", "Looking for the facets near each node anew, on two flat surfaces that face each other: the grid of `solid_fe/contact.cpp` beside CGAL's AABB tree "
+              "(build and box queries) on the same facets, `build/release/tests/solid_contact_search`, medians of eleven in turn, CPU time. It happens when a node of either side has moved by a quarter of a facet.", "",
+              *program("solid_contact_search").strip().splitlines(), ""]
     (DOCS / "solid_speed.md").write_text("\n".join(lines))
 
 
