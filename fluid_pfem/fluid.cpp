@@ -54,6 +54,11 @@ Fluid<dim>::Fluid(const FluidConfig& config) : config_(config), team_(config.thr
   if ((wall_mask_ | impedance_mask_) & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
+  nodes_.period = Period<dim>(leading<dim>(config.origin), leading<dim>(config.period));
+  for (std::size_t s = 0; s < surfaces_.size() && nodes_.period.any(); ++s) // two faces per axis: no boundary
+    if (config.period[s / 2] > 0.0 && ((wall_mask_ | impedance_mask_ | wet_mask_) >> s & 1))
+      throw InputError(
+          fmt::format("fluid.wall: '{}' is an end of a periodic direction and no wall", surfaces_[s].name));
   contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
   size_ = SizeField<dim>(config.element_size, config.coarsest, config.spacing, surfaces_, contact_);
   openings_ = Openings<dim>(config.inlets, config.outlets, config.element_size);
@@ -400,7 +405,7 @@ bool Fluid<dim>::mesh_is_bad() const
 {
   if (openings_.row_due(nodes_))
     return true;
-  if (is_worse<dim>(mesh_, nodes_.x, quality_, config_.remesh.quality))
+  if (is_worse<dim>(mesh_, nodes_.x, quality_, config_.remesh.quality, nodes_.period))
     return true;
   const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;
   if (due == good_for_)
@@ -410,16 +415,17 @@ bool Fluid<dim>::mesh_is_bad() const
   // A mesh is still good if its nodes have only moved together and no gap closes: a gap that has kept its
   // shape was decided at the last remesh, and round-off must not decide it again. Gaps that are not watched
   // are wider than twice the circumradius up to which they are.
-  const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
-                   is_strained<dim>(mesh_.elements, nodes_.x, x_remesh_, nodes_.h, config_.remesh.strain) ||
-                   is_strained<dim>(gaps_, nodes_.x, x_remesh_, nodes_.h, 1.0) ||
-                   std::any_of(gaps_.begin(), gaps_.end(),
-                               [this](const Simplex<dim>& gap)
-                               {
-                                 return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape) &&
-                                        is_strained<dim>(std::span(&gap, 1), nodes_.x, x_remesh_, nodes_.h,
-                                                         0.1 * config_.remesh.strain);
-                               });
+  const bool bad =
+      travelled_ > 0.7 * watched_gap * config_.element_size ||
+      is_strained<dim>(mesh_.elements, nodes_.x, x_remesh_, nodes_.h, config_.remesh.strain, nodes_.period) ||
+      is_strained<dim>(gaps_, nodes_.x, x_remesh_, nodes_.h, 1.0, nodes_.period) ||
+      std::any_of(gaps_.begin(), gaps_.end(),
+                  [this](const Simplex<dim>& gap)
+                  {
+                    return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape) &&
+                           is_strained<dim>(std::span(&gap, 1), nodes_.x, x_remesh_, nodes_.h,
+                                            0.1 * config_.remesh.strain, nodes_.period);
+                  });
   if (!bad)
     good_for_ = due;
   return bad;

@@ -1,7 +1,7 @@
-// Reads keys from the tree of a case, checks and documents them, and reports mistakes with line and caret.
+// Reads typed values from the tree of a case file and reports mistakes with line and caret.
 #include "common/config/case_file.hpp"
 
-#include "common/config/case_text.hpp"
+#include "common/config/toml_tree.hpp"
 #include "common/error.hpp"
 
 #include <fmt/format.h>
@@ -21,8 +21,155 @@ namespace undine
 namespace
 {
 
+using namespace toml_tree;
+
 const std::vector<std::string> top_level_tables = {"run",   "fluid",  "solid",      "coupling", "interface",
                                                    "probe", "output", "checkpoint", "reference"};
+
+bool is_array_of_tables(const Node& node)
+{
+  return node.kind == Kind::array && !node.items.empty() &&
+         std::all_of(node.items.begin(), node.items.end(),
+                     [](const Node& item) { return item.kind == Kind::table; });
+}
+
+/// The value as the user wrote it, first line only.
+std::string as_written(const Node& node)
+{
+  const Place& place = node.place;
+  std::string text = place.text.substr(place.column, place.length);
+  if (node.kind == Kind::array && !text.ends_with(']'))
+    text += " ...";
+  return text;
+}
+
+void move_to_command_line(Node& node, const std::string& line, std::size_t shift)
+{
+  node.place.line = 0;
+  node.place.column = std::min(line.size(), node.place.column + shift);
+  node.place.length = std::max<std::size_t>(1, std::min(node.place.length, line.size() - node.place.column));
+  node.place.text = line;
+  node.from_override = true;
+  for (Node& item : node.items)
+    move_to_command_line(item, line, shift);
+  for (auto& [key, member] : node.members)
+  {
+    move_to_command_line(member, line, shift);
+    member.key_place = place_of_key(key, member.place);
+  }
+}
+
+/// VALUE of an override: a TOML value, or else a text without quotes.
+Node parse_override_value(const std::string& value, const std::string& line, std::size_t column)
+{
+  static const std::string prefix = "value = ";
+  try
+  {
+    Node parsed = parse(prefix + value + "\n", "--set");
+    if (parsed.members.size() == 1)
+    {
+      Node node = std::move(parsed.members.at("value"));
+      move_to_command_line(node, line,
+                           column - prefix.size()); // wraps around where column < 8; the sum is right
+      return node;
+    }
+  }
+  catch (const SyntaxError&)
+  {
+    // Not TOML: a bare word is a text. Something that begins like a list, a table or a quoted text is a
+    // mistake.
+    if (std::string_view("[{\"'").find(value.front()) != std::string_view::npos)
+      throw InputError(diagnostic("", {.line = 0, .column = column, .length = value.size(), .text = line},
+                                  "the value is not complete: check brackets and quotes"));
+  }
+  Node node;
+  node.kind = Kind::text;
+  node.text = value;
+  node.place = {.line = 0, .column = column, .length = value.size(), .text = line};
+  node.from_override = true;
+  return node;
+}
+
+std::vector<std::string> split_key(const std::string& key)
+{
+  std::vector<std::string> words(1);
+  for (const char c : key)
+    if (c == '.' || c == '[')
+      words.emplace_back();
+    else if (c != ']' && c != ' ')
+      words.back() += c;
+  return words;
+}
+
+bool is_index(const std::string& word)
+{
+  return !word.empty() && word.size() < 6 && word.find_first_not_of("0123456789") == std::string::npos;
+}
+
+void apply_override(Node& root, const std::string& path, const std::string& entry)
+{
+  const std::string line = "--set " + entry;
+  const auto fail = [&](std::size_t column, std::size_t length, const std::string& text) {
+    throw InputError(diagnostic(path, {.line = 0, .column = column, .length = length, .text = line}, text));
+  };
+
+  const std::size_t equals = entry.find('=');
+  if (equals == std::string::npos)
+    fail(6, entry.size(), "an override reads table.key=value");
+  const std::size_t first = entry.find_first_not_of(" \t", equals + 1);
+  if (first == std::string::npos)
+    fail(6, entry.size(), "the value is missing: an override reads table.key=value");
+  const std::string value = entry.substr(first, entry.find_last_not_of(" \t") - first + 1);
+  const std::vector<std::string> words = split_key(entry.substr(0, equals));
+  if (std::any_of(words.begin(), words.end(), [](const std::string& word) { return word.empty(); }))
+    fail(6, std::max<std::size_t>(1, equals), "an override reads table.key=value");
+
+  const Place key_place{.line = 0, .column = 6, .length = equals, .text = line};
+  Node* node = &root;
+  std::string walked;
+  for (std::size_t i = 0; i < words.size(); ++i)
+  {
+    const std::string& word = words[i];
+    if (node->kind == Kind::array && is_index(word))
+    {
+      const std::size_t index = std::stoul(word);
+      if (index >= node->items.size())
+        fail(6, equals,
+             fmt::format("the case has {} entries of '{}', numbered from 0", node->items.size(), walked));
+      node = &node->items[index];
+      walked += "[" + word + "]";
+      continue;
+    }
+    const auto named = std::find_if(node->items.begin(), node->items.end(),
+                                    [&word](const Node& item)
+                                    {
+                                      const auto name = item.members.find("name");
+                                      return name != item.members.end() && name->second.text == word;
+                                    });
+    if (node->kind == Kind::array && named != node->items.end())
+    {
+      node = &*named;
+      walked += "[" + word + "]";
+      continue;
+    }
+    if (node->kind == Kind::array)
+      fail(6, equals,
+           fmt::format("'{}' is a list: name the entry, for example {}.0.{}", walked, walked, word));
+    if (node->kind != Kind::table)
+      fail(6, equals, fmt::format("'{}' is a value, not a table", walked));
+    const bool is_new = !node->members.contains(word);
+    node = &node->members[word];
+    walked += (walked.empty() ? "" : ".") + word;
+    if (is_new)
+    {
+      node->kind = Kind::table;
+      node->place = node->key_place = key_place;
+      node->from_override = true;
+    }
+  }
+  *node = parse_override_value(value, line, 6 + first);
+  node->key_place = key_place;
+}
 
 std::size_t edit_distance(std::string_view a, std::string_view b)
 {
@@ -689,7 +836,7 @@ CaseFile CaseFile::parse(const std::string& text, const std::string& path,
 {
   auto document = std::make_shared<CaseDocument>();
   document->path = path;
-  document->root = parse_case_text(text, path);
+  document->root = toml_tree::parse(text, path);
   for (const std::string& entry : overrides)
     apply_override(document->root, path, entry);
 

@@ -1,13 +1,17 @@
-// The text of a case as a tree of values that know where they are written.
+// A TOML text as a plain tree that keeps the place of every value; the only user of toml11, whose templates
+// are slow to compile.
 #pragma once
+
+#include "common/error.hpp"
 
 #include <cstddef>
 #include <cstdint>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
-namespace undine
+namespace undine::toml_tree
 {
 
 /// Where something is written: a line of the file, or an override of the command line (line 0).
@@ -44,25 +48,21 @@ struct Node
   bool from_override = false;
 };
 
-/// The tree of a TOML text. @throws InputError with line and caret where it is none; `path` names it there
-Node parse_case_text(const std::string& text, const std::string& path);
+/// The text breaks the grammar of TOML.
+class SyntaxError : public InputError
+{
+public:
+  using InputError::InputError;
+};
 
-/// Put the value of `entry`, "table.key=VALUE", into the tree; VALUE is a TOML value, or else a text without
-/// quotes. Entries of lists are named by number or by their `name`. @throws InputError with a caret
-void apply_override(Node& root, const std::string& path, const std::string& entry);
+/// The root table of `text`; `path` names it in messages. Throws SyntaxError with line, source and caret, and
+/// InputError where the text is not UTF-8.
+Node parse(const std::string& text, const std::string& path);
 
-bool is_array_of_tables(const Node& node);
-
-/// The value as the user wrote it, first line only.
-std::string as_written(const Node& node);
+/// Place of the key in front of its value: toml11 keeps none, so it is the last word of that name there.
+Place place_of_key(const std::string& key, const Place& value);
 
 /// "path:line:column: text", the source line, and a caret under the place.
 std::string diagnostic(const std::string& path, const Place& place, const std::string& text);
 
-/// Words of "table[0].key" or "table.0.key".
-std::vector<std::string> split_key(const std::string& key);
-
-/// A word of digits only, five at most.
-bool is_index(const std::string& word);
-
-} // namespace undine
+} // namespace undine::toml_tree
