@@ -487,8 +487,7 @@ TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[sol
   }
 }
 
-// A quarter of the bar, the square of elements mapped to the quarter disc: a coarse mesh, same gates for L, 5
-// % for R.
+// A quarter of the bar, the square of elements mapped to the quarter disc: a coarse mesh, the same gates.
 TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification][taylor]")
 {
   SolidConfig config;
