@@ -186,7 +186,7 @@ def picture(build, folder, path):
     import matplotlib.pyplot as plt
     ours, _ = run(build, "swap_getfem_column", folder / "ours", *OURS)
     column = {"GetFEM": run(build, "swap_getfem_column", folder / "getfem")[0], "FEniCSx": run(build, "swap_dolfinx_column", folder / "dolfinx")[0]}
-    theirs, tip = tips(build, folder / "gate")
+    theirs, tip = tips(build, folder / "gate", "--until", "0.13")  # past the peak
     figure, axes = plt.subplots(2, 2, figsize=(10, 5), dpi=90, sharex="col", height_ratios=(2, 1), constrained_layout=True)
     for axis, title, what, base, others in ((axes[:, 0], "elastic column: displacement of the interface", "u_y[m]", ours, column),
                                             (axes[:, 1], "elastic gate in contact: displacement of its free end", "u_x[m]", tip, {"GetFEM": theirs})):
