@@ -64,7 +64,7 @@ void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others
       throw Failure(
           ExitCode::partner_silent,
           fmt::format("rank{} {} of this program kept another waiting for {:.3g} s "
-                      "(coupling.stall_timeout)",
+                      "(run.rank_timeout; coupled: twice coupling.stall_timeout)",
                       silent.size() == 1 ? "" : "s",
                       silent.empty() ? std::string("unknown") : fmt::format("{}", fmt::join(silent, ", ")),
                       deadline));
@@ -116,7 +116,7 @@ void Ranks::sum(std::span<std::int64_t> values) const
   complete(request, group_->deadline);
 }
 
-void Ranks::sum(std::initializer_list<ExactSum*> sums) const
+void Ranks::sum(std::span<ExactSum* const> sums) const
 {
   if (alone())
     return;
@@ -157,6 +157,21 @@ void Ranks::gather_into(const void* mine, const std::vector<std::size_t>& counts
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Iallgatherv(mine, bytes[static_cast<std::size_t>(rank_)], MPI_BYTE, all, bytes.data(), begin.data(),
                   MPI_BYTE, group_->comm, &request);
+  complete(request, group_->deadline);
+}
+
+void Ranks::gather_rows(void* all, std::size_t row_bytes, std::span<const std::int32_t> first) const
+{
+  require(first.size() == static_cast<std::size_t>(size_) + 1, "a range of rows for each rank");
+  std::vector<int> bytes, begin;
+  for (std::size_t r = 0; r + 1 < first.size(); ++r)
+  {
+    begin.push_back(count_of(static_cast<std::size_t>(first[r]) * row_bytes));
+    bytes.push_back(count_of(static_cast<std::size_t>(first[r + 1] - first[r]) * row_bytes));
+  }
+  MPI_Request request = MPI_REQUEST_NULL;
+  MPI_Iallgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, all, bytes.data(), begin.data(), MPI_BYTE, group_->comm,
+                  &request);
   complete(request, group_->deadline);
 }
 
