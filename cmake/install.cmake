@@ -4,6 +4,7 @@
 #   libexec/undine/                         the programs: coupler, fluid_pfem, solid_fe
 #   share/undine/                           scripts and cases
 #   share/doc/undine/                       README, docs
+#   share/man/man1/                         a page per command and program, from their --help
 # The protocol library is a component of its own (link), see common/coupling. Every place is found from that of the script, so that
 # the tree may be moved.
 include(GNUInstallDirs)
@@ -19,6 +20,12 @@ install(DIRECTORY scripts/lib DESTINATION ${share}/scripts PATTERN __pycache__ E
 install(DIRECTORY cases DESTINATION ${share} PATTERN __pycache__ EXCLUDE PATTERN CMakeLists.txt EXCLUDE)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/undine)
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/undine)
+set(man_pages ${CMAKE_BINARY_DIR}/install/man1)
+add_custom_command(OUTPUT ${man_pages}/undine.1 DEPENDS scripts/man_pages scripts/run_case.py scripts/plot scripts/watch README.md
+                   coupler fluid_pfem solid_fe undine-conform
+                   COMMAND /usr/bin/python3 -B ${PROJECT_SOURCE_DIR}/scripts/man_pages ${CMAKE_RUNTIME_OUTPUT_DIRECTORY} ${man_pages})
+add_custom_target(man_pages ALL DEPENDS ${man_pages}/undine.1)
+install(DIRECTORY ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR})
 foreach(command IN ITEMS run_case.py=undine plot=undine-plot watch=undine-watch)
   string(REPLACE "=" ";" command ${command})
   list(GET command 0 SCRIPT)

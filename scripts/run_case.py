@@ -34,7 +34,7 @@ def places(build):
 
 
 def parse_arguments():
-    p = argparse.ArgumentParser(prog="undine" if INSTALLED else "scripts/run", description="Run a case of Undine, draw its plots, print a summary.",
+    p = argparse.ArgumentParser(prog=os.environ.get("UNDINE_COMMAND", "scripts/run"), description="Run a case of Undine, draw its plots, print a summary.",
                                 epilog="example: scripts/run cases/elastic_column --set run.resolution=20")
     p.add_argument("case", help="folder under cases/, or a case.toml")
     p.add_argument("--out", help="output folder (default: runs/<case>)")

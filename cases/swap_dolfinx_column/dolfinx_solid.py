@@ -5,10 +5,8 @@ number of MPI ranks.
 Started by scripts/run as: dolfinx_solid.py case.toml --out DIR [--set table.key=value]
 Reads the box, the material, the mesh size and the fixed sides that solid_fe would read.
 """
-import argparse
 import logging
 import sys
-import tomllib
 
 import undine_link
 
@@ -17,24 +15,6 @@ undine_link.arm("solid")
 import numpy as np  # noqa: E402
 
 logging.disable(logging.INFO)  # the form compiler tells each file that it compiles
-
-
-def read_case():
-    p = argparse.ArgumentParser(description=__doc__)
-    p.add_argument("case")
-    p.add_argument("--out", default=".")
-    p.add_argument("--set", action="append", default=[])
-    arguments = p.parse_known_args()[0]
-    with open(arguments.case, "rb") as stream:
-        case = tomllib.load(stream)
-    for override in arguments.set:
-        key, _, value = override.partition("=")
-        table, _, name = key.partition(".")
-        try:
-            case.setdefault(table, {})[name] = tomllib.loads(f"v = {value}")["v"]
-        except tomllib.TOMLDecodeError:
-            case.setdefault(table, {})[name] = value
-    return case, arguments.out
 
 
 class Body:
@@ -162,7 +142,7 @@ def orders(link):
 
 
 def main():
-    case, out = read_case()
+    case, out = undine_link.read_case()
     with undine_link.Link("solid", "FEniCSx", out_dir=out) as link:
         lead = link.comm.rank == 0
         body = Body(case, link.comm.Dup())  # PETSc lives longer than the link

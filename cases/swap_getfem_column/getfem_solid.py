@@ -5,9 +5,7 @@ interface stays, in the middle of the common step where contact opens and closes
 Started by scripts/run as: getfem_solid.py case.toml --out DIR [--set table.key=value]
 Reads the box, the material, the mesh size, the fixed sides and the wet sides that solid_fe would read.
 """
-import argparse
 import sys
-import tomllib
 
 import undine_link
 
@@ -29,24 +27,6 @@ LAW = {
                "0.25*mu*Norm_sqr(Grad_u + Grad_u') + 0.5*lambda*sqr(Div_u)"),
 }
 SAFETY = 0.8  # of the stable step at rest; 5 % of compression stiffens the column and costs about 10 % of it
-
-
-def read_case():
-    p = argparse.ArgumentParser(description=__doc__)
-    p.add_argument("case")
-    p.add_argument("--out", default=".")
-    p.add_argument("--set", action="append", default=[])
-    arguments = p.parse_known_args()[0]
-    with open(arguments.case, "rb") as stream:
-        case = tomllib.load(stream)
-    for override in arguments.set:
-        key, _, value = override.partition("=")
-        table, _, name = key.partition(".")
-        try:
-            case.setdefault(table, {})[name] = tomllib.loads(f"v = {value}")["v"]
-        except tomllib.TOMLDecodeError:
-            case.setdefault(table, {})[name] = value
-    return case, arguments.out
 
 
 def list_of(value):
@@ -151,7 +131,7 @@ class Histories:
 
 
 def main():
-    case, out = read_case()
+    case, out = undine_link.read_case()
     body = Body(case)
     u, mass, free, wet = body.u, body.mass[:, None], body.free, body.wet
     v, a = np.zeros_like(u), body.acceleration()

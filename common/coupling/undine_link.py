@@ -31,6 +31,28 @@ END, CHECKPOINT = -1, -2
 NUMERICAL_ERROR = 10
 
 
+def read_case():
+    """Case and output folder of a solver that scripts/run started as `solver case.toml --out DIR [--set table.key=value ...]`:
+    the tables with the values of --set in place of their own, and DIR. Other arguments are left alone."""
+    import argparse
+    import tomllib  # Python 3.11
+    parser = argparse.ArgumentParser()
+    parser.add_argument("case")
+    parser.add_argument("--out", default=".")
+    parser.add_argument("--set", action="append", default=[])
+    arguments = parser.parse_known_args()[0]
+    with open(arguments.case, "rb") as stream:
+        case = tomllib.load(stream)
+    for override in arguments.set:
+        key, _, value = override.partition("=")
+        table, _, name = key.partition(".")
+        try:
+            case.setdefault(table, {})[name] = tomllib.loads(f"v = {value}")["v"]
+        except tomllib.TOMLDecodeError:
+            case.setdefault(table, {})[name] = value
+    return case, arguments.out
+
+
 class Setup(Structure):
     """dim, n_interfaces, t_begin [s], t_end [s]."""
     _fields_ = [("dim", c_int32), ("n_interfaces", c_int32), ("t_begin", c_double), ("t_end", c_double)]

@@ -4,13 +4,15 @@
 Example: latency.py --build build/release
 
 Three processes: a coupler and a fluid without physics (link_actor), and the client as the fine side, 20 exchanges per
-window. Prints rows of docs/protocol.md: microseconds per exchange, best and median of five runs.
+window. Prints rows of docs/protocol.md: microseconds per exchange, best and median of five runs; the clients take turns.
+Before them, how much of the cores others used: "idle" is only true if that is little.
 """
 import argparse
 import os
 import re
 import statistics
 import subprocess
+import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -26,27 +28,48 @@ def once(build, client, nodes, windows):
     return float(re.search(r"([\d.]+) us per exchange", done.stdout)[1])
 
 
+def used_by_others(seconds=1.0):
+    """Part of the cores' time that is not idle."""
+    def ticks():
+        values = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+        return sum(values), values[3] + values[4]
+    all_before, idle_before = ticks()
+    time.sleep(seconds)
+    all_after, idle_after = ticks()
+    return 1.0 - (idle_after - idle_before) / (all_after - all_before)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", required=True)
-    build = Path(parser.parse_args().build).resolve()
+    parser.add_argument("--cores", choices=["idle", "busy"], nargs="+", default=["idle", "busy"])
+    parser.add_argument("--runs", type=int, default=5)
+    options = parser.parse_args()
+    build = Path(options.build).resolve()
     clients = {"C++": lambda n: [str(build / "tests" / "link_actor"), "--role=solid", f"--nodes={n}", "--hello=20", "--start=20"],
                "C": lambda n: [str(build / "tests" / "latency_client"), str(n)],
                "Python": lambda n: ["/usr/bin/python3", str(HERE / "latency_client.py"), str(n)]}
-    print("| client | cores | 64 nodes (1 kB) | 640 nodes (10 kB) |")
-    print("| --- | --- | --- | --- |")
-    for busy in (0, os.cpu_count()):
-        hogs = [subprocess.Popen(["/usr/bin/python3", "-c", "while True: pass"]) for _ in range(busy)]
-        try:
-            for name, client in clients.items():
-                cells = []
-                for nodes in (64, 640):
-                    runs = [once(build, client(nodes), nodes, 20 if busy else 200) for _ in range(5)]
-                    cells.append(f"{min(runs):.1f} / {statistics.median(runs):.1f}")
-                print(f"| {name} | {'busy' if busy else 'idle'} | {' | '.join(cells)} |", flush=True)
-        finally:
-            for hog in hogs:
-                hog.kill()
+    for cores in options.cores:
+        others = []
+        seen = {}
+        hogs = []
+        for _ in range(options.runs):
+            others.append(used_by_others())
+            if cores == "busy":
+                hogs = [subprocess.Popen(["/usr/bin/python3", "-c", "while True: pass"]) for _ in range(os.cpu_count())]
+            try:
+                for name, client in clients.items():
+                    for nodes in (64, 640):
+                        seen.setdefault((name, nodes), []).append(once(build, client(nodes), nodes, 20 if cores == "busy" else 200))
+            finally:
+                for hog in hogs:
+                    hog.kill()
+                    hog.wait()
+        print(f"{cores}: before each run others used {' '.join(f'{100 * part:.0f}' for part in others)} % of the cores")
+        print("| client | cores | 64 nodes (1 kB) | 640 nodes (10 kB) |\n| --- | --- | --- | --- |")
+        for name in clients:
+            cells = [f"{min(runs):.1f} / {statistics.median(runs):.1f}" for runs in (seen[name, 64], seen[name, 640])]
+            print(f"| {name} | {cores} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

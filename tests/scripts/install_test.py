@@ -6,6 +6,7 @@ Example: tests/scripts/install_test.py --build build/release
 import argparse
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,24 @@ class Installed(unittest.TestCase):
         self.assertIn("completed", self.call(prefix / "bin" / "undine-watch", out, "--once"))
         self.assertIn("no case 'nowhere'", self.call(prefix / "bin" / "undine", "nowhere", code=4))
         self.assertTrue((prefix / "share" / "doc" / "undine" / "case-file.md").is_file())
+        self.manual_pages(prefix)
+
+    def manual_pages(self, prefix):
+        """A page per command and program, that `man` shows without a warning and that has every option of --help."""
+        pages = prefix / "share" / "man" / "man1"
+        commands = {name: prefix / "bin" / name for name in ("undine", "undine-plot", "undine-watch", "undine-conform")}
+        commands |= {name: prefix / "libexec" / "undine" / name for name in ("coupler", "fluid_pfem", "solid_fe")}
+        self.assertEqual({page.stem for page in pages.glob("*.1")}, set(commands))
+        for name, command in commands.items():
+            source = (pages / f"{name}.1").read_text()
+            for option in set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", self.call(command, "--help"))):
+                self.assertIn(option.replace("-", r"\-"), source, name)
+            self.assertNotIn("scripts/", source)
+            if shutil.which("man"):
+                shown = subprocess.run(["man", "--warnings", "-l", pages / f"{name}.1"], capture_output=True, text=True, env={**ENVIRONMENT, "MANWIDTH": "200"})
+                self.assertEqual((shown.returncode, shown.stderr), (0, ""))
+                for section in ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS"):
+                    self.assertIn(f"\n{section}\n", re.sub(".\b", "", shown.stdout))
 
     def test_the_installed_tree_runs_and_may_be_moved(self):
         subprocess.run(["cmake", "--install", BUILD, "--prefix", self.folder / "first"], check=True, stdout=subprocess.DEVNULL)

@@ -120,6 +120,11 @@ ADVICE = [
     ("a sound speed too low for the fall", TANK, [("sound_speed = 16.925", "sound_speed = 3.0")], [], ["fluid.sound_speed = 3", "at least"]),
     ("a solid thinner than its elements", COLUMN, [], ["--set", "solid.size_factor=8"], ["elements over", "solid"]),
     ("a run longer than a day", TANK, [], ["--until", "1e5"], ["longer than a day", "run.t_end", "run.resolution"]),
+    ("a solid in g/cm3", COLUMN, [("density = 1500.0", "density = 1.5")], [], ["solid.density = 1.5", "g/cm3", "kg/m^3"]),
+    ("gravity of the solid in mm/s2", COLUMN, [("gravity = [0.0, -10.0]         # m/s^2\norigin", "gravity = [0.0, -9810.0]\norigin")], [], ["solid.gravity = 9810", "mm/s2", "differs"]),
+    ("a bulk modulus in GPa", COLUMN, [("bulk_modulus = 2.2e9", "bulk_modulus = 2.2")], [], ["fluid.bulk_modulus = 2.2", "GPa"]),
+    ("a bulk modulus too low for the fall", COLUMN, [("bulk_modulus = 2.2e9", "bulk_modulus = 2.2e4")], [], ["fluid.bulk_modulus = 22000", "too slow", "fluid.sound_speed ="]),
+    ("a sound speed too low for a solid that comes", "wedge_impact", [("bulk_modulus = 2.2e9", "bulk_modulus = 1e7")], [], ["fluid.bulk_modulus = 1e+07", "flow of 30 m/s", "300 m/s"]),
     ("an extreme ratio of the steps", COLUMN, [("bulk_modulus = 2.2e9", "bulk_modulus = 2.2e12")], [], ["sub-steps", "coupling.substeps_max"]),
 ]
 
