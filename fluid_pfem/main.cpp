@@ -85,6 +85,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   summary.set("fluid.t_end", fluid.time());
   summary.set("fluid.steps", fluid.steps());
   summary.set("fluid.ranks", ranks.size());
+  summary.set("fluid.rank_wait_s", ranks.cost().wall);
   summary.set("fluid.wall_s", wall);
   summary.set("fluid.wait_s", wait);
   summary.set("fluid.nodes", fluid.nodes().size());

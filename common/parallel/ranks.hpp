@@ -120,6 +120,14 @@ public:
   /// @throws Failure(partner_silent)
   void wait(Messages& messages) const;
 
+  /// What communication has taken on this rank since the start.
+  struct Cost
+  {
+    double wall = 0.0, cpu = 0.0;                    ///< waiting for others [s]
+    std::int64_t waits = 0, messages = 0, bytes = 0; ///< sent by start()
+  };
+  Cost cost() const;
+
   struct Group; ///< of MPI; see mpi_ranks.hpp
   Ranks(std::shared_ptr<const Group> group, int rank, int size)
       : group_(std::move(group)), rank_(rank), size_(size)
