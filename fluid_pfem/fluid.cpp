@@ -64,6 +64,11 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks)
   if ((wall_mask_ | impedance_mask_) & wet_mask_)
     throw InputError("fluid.wall: a surface of an [[interface]] cannot be a rigid wall as well");
 
+  nodes_.period = Period<dim>(leading<dim>(config.origin), leading<dim>(config.period));
+  for (std::size_t s = 0; s < surfaces_.size() && nodes_.period.any(); ++s) // two faces per axis: no boundary
+    if (config.period[s / 2] > 0.0 && ((wall_mask_ | impedance_mask_ | wet_mask_) >> s & 1))
+      throw InputError(
+          fmt::format("fluid.wall: '{}' is an end of a periodic direction and no wall", surfaces_[s].name));
   contact_ = Walls<dim>(config.contact_walls, config.element_size, 0.0);
   size_ = SizeField<dim>(config.element_size, config.coarsest, config.spacing, surfaces_, contact_);
   openings_ = Openings<dim>(config.inlets, config.outlets, config.element_size);
@@ -424,7 +429,7 @@ bool Fluid<dim>::mesh_is_bad()
   if (openings_.row_due(nodes_))
     return true;
   const index_t begin = team_.element_begin(), end = team_.element_end();
-  if (any_rank(is_worse<dim>(mesh_, begin, end, nodes_.x, quality_, config_.remesh.quality)))
+  if (any_rank(is_worse<dim>(mesh_, begin, end, nodes_.x, quality_, config_.remesh.quality, nodes_.period)))
     return true;
   const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;
   if (due == good_for_)
@@ -439,7 +444,7 @@ bool Fluid<dim>::mesh_is_bad()
                        .subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
   const std::span<const Simplex<dim>> gaps = ranks().alone() ? gaps_ : own_gaps_;
   const auto strained = [this](std::span<const Simplex<dim>> simplices, double limit)
-  { return is_strained<dim>(simplices, nodes_.x, x_remesh_, nodes_.h, limit); };
+  { return is_strained<dim>(simplices, nodes_.x, x_remesh_, nodes_.h, limit, nodes_.period); };
   const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
                    strained(own, config_.remesh.strain) || strained(gaps, 1.0) ||
                    std::any_of(gaps.begin(), gaps.end(),

@@ -232,7 +232,7 @@ private:
   MovingDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
   Team team_;
-  mutable Halo halo_;
+  Halo halo_;
   bool collected_ = true;                    ///< rows of other ranks are right
   std::vector<std::array<double, 2>> moves_; ///< step [s] and speed of the fastest node of this rank [m/s],
                                              ///< since the ranks last agreed

@@ -233,6 +233,31 @@ void read_body(const CaseTable& t, int dim, Body& body)
     body.size[2] = t.number({"depth", "m", "extent of the box along z"}, positive());
 }
 
+/// Directions in which the box of fluid is the cell of a periodic space.
+void read_period(const CaseTable& t, int dim, FluidConfig& config)
+{
+  const auto axes =
+      t.texts({"periodic", "",
+               "axes, of x, y, z, along which space repeats itself after the extent of the box of fluid"},
+              {});
+  for (const std::string& axis : axes)
+  {
+    const auto i = std::string_view("xyz").substr(0, static_cast<std::size_t>(dim)).find(axis);
+    if (axis.size() != 1 || i == std::string_view::npos)
+      t.fail("periodic", "'" + axis + "' is no axis; give one or more of " + (dim == 3 ? "x, y, z" : "x, y"));
+    config.period[i] = config.size[i];
+    if (config.shape != Shape::box || !config.spacing.empty())
+      t.fail("periodic", "needs a box of fluid of uniform spacing, whose extent is the period");
+    if (config.size[i] < Period<2>::least_cells * config.element_size)
+      t.fail("periodic", fmt::format("the box must be at least {:g} spacings of {:.3g} m long along {}",
+                                     Period<2>::least_cells, config.element_size, axis));
+    if (config.gravity[i] != 0.0)
+      t.fail("gravity", "must be 0 along a periodic direction, where there is no height; use body_force");
+  }
+  if (!axes.empty() && !config.interfaces.empty())
+    t.fail("periodic", "does not go together with an [[interface]]");
+}
+
 /// [[fluid.spacing]]: the size field.
 void read_spacing(const CaseTable& t, std::size_t dim, FluidConfig& config)
 {
@@ -365,6 +390,7 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
   read_openings(t, dim, config);
   for (const auto& i : coupling.interfaces)
     config.interfaces.emplace_back(i.name, i.fluid);
+  read_period(t, run.dim, config);
   read_remeshing(t, impact, config.remesh);
   config.inertia_floor =
       t.number({"inertia_floor", "", "least mass in Newton's law over that of a regular node"}, 0.1,

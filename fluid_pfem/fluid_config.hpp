@@ -103,7 +103,9 @@ struct FluidConfig : Body
   double gravity_ramp = 0.0;           ///< gravity grows smoothly to its value over this time [s]
   std::vector<Expression> body_force;  ///< [m/s²], functions of x, y, z, t, added to gravity; empty or dim
   std::vector<Body> more_bodies;
-  double element_size = 0.0;     ///< wanted spacing of nodes where nothing else is asked for [m]
+  std::array<double, 3>
+      period{};              ///< length along each axis after which space repeats itself; 0: it does not [m]
+  double element_size = 0.0; ///< wanted spacing of nodes where nothing else is asked for [m]
   std::vector<SizeZone> spacing; ///< zones of a size field; without them the spacing is uniform
   double coarsest = 16.0;        ///< largest spacing of the size field over element_size
   Seeding seeding;

@@ -4,6 +4,7 @@
 
 #include "common/tensor.hpp"
 #include "common/types.hpp"
+#include "fluid_pfem/period.hpp"
 
 #include <array>
 #include <span>
@@ -18,13 +19,15 @@ using Simplex = std::array<index_t, dim + 1>;
 template <int dim>
 using Facet = std::array<index_t, dim>;
 
-/// Positions of the corners of a simplex.
+/// Positions of the corners of a simplex, in a periodic space the images next to the first.
 template <int dim>
-std::array<Vec<dim>, dim + 1> corners(std::span<const Vec<dim>> x, const Simplex<dim>& e)
+std::array<Vec<dim>, dim + 1> corners(std::span<const Vec<dim>> x, const Simplex<dim>& e,
+                                      const Period<dim>& period)
 {
   std::array<Vec<dim>, dim + 1> corner;
   for (std::size_t a = 0; a < corner.size(); ++a)
     corner[a] = x[static_cast<std::size_t>(e[a])];
+  period.join(corner);
   return corner;
 }
 

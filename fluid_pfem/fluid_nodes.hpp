@@ -3,6 +3,7 @@
 
 #include "common/tensor.hpp"
 #include "common/types.hpp"
+#include "fluid_pfem/period.hpp"
 
 #include <cstdint>
 #include <limits>
@@ -53,7 +54,13 @@ struct FluidNodes
   std::vector<std::uint8_t> flag;   ///< NodeFlag
   std::vector<std::uint8_t> alone;  ///< remeshes it has been isolated for
 
+  Period<dim> period; ///< of the space they are in
+
   index_t size() const { return static_cast<index_t>(x.size()); }
+  double distance(std::size_t i, std::size_t j) const
+  {
+    return norm(period.near(x[i], x[j]) - x[i]);
+  } ///< [m]
 
   /// Visit every field once: renumbering, exchange and checkpoints go through here, so that no field can be
   /// forgotten.

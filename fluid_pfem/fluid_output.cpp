@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
+#include <utility>
 
 namespace undine::fluid
 {
@@ -92,7 +94,9 @@ double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
   for (const auto& facet : fluid.mesh().boundary)
     if constexpr (dim == 2)
     {
-      const Vec<2>&a = x[static_cast<std::size_t>(facet[0])], &b = x[static_cast<std::size_t>(facet[1])];
+      const auto& period = fluid.nodes().period;
+      const Vec<2> a = period.near(as_point<2>(point), x[static_cast<std::size_t>(facet[0])]),
+                   b = period.near(a, x[static_cast<std::size_t>(facet[1])]);
       if ((a[0] - point[0]) * (b[0] - point[0]) <= 0.0 && a[0] != b[0])
         highest = std::max(highest, a[1] + (point[0] - a[0]) / (b[0] - a[0]) * (b[1] - a[1]));
       else if (a[0] == point[0])
@@ -301,12 +305,38 @@ void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
   connectivity.reserve(fluid.mesh().elements.size() * (dim + 1));
   for (const auto& e : fluid.mesh().elements)
     connectivity.insert(connectivity.end(), e.begin(), e.end());
-  FrameMesh mesh{.dim = dim, .x = flat(nodes.x), .blocks = {}};
+  std::vector<Vec<dim>> x = nodes.x, v = nodes.v;
+  std::vector<double> p = nodes.p, rho = nodes.rho;
+  if (nodes.period.any())
+  {
+    // An element that reaches across the end of the cell is drawn at its first corner, with images of others.
+    std::map<std::pair<index_t, std::array<double, dim>>, index_t> images;
+    for (std::size_t k = 0; k < connectivity.size(); ++k)
+    {
+      index_t& n = connectivity[k];
+      const Vec<dim>& own = x[static_cast<std::size_t>(n)];
+      const Vec<dim> image =
+          nodes.period.near(x[static_cast<std::size_t>(connectivity[k - k % (dim + 1)])], own);
+      if (image == own)
+        continue;
+      const auto [it, is_new] = images.try_emplace({n, image.c}, static_cast<index_t>(x.size()));
+      if (is_new)
+      {
+        const auto i = static_cast<std::size_t>(n);
+        x.push_back(image);
+        v.push_back(nodes.v[i]);
+        p.push_back(nodes.p[i]);
+        rho.push_back(nodes.rho[i]);
+      }
+      n = it->second;
+    }
+  }
+  FrameMesh mesh{.dim = dim, .x = flat(x), .blocks = {}};
   mesh.blocks.emplace_back(dim == 2 ? ElementType::triangle3 : ElementType::tetrahedron4, connectivity);
   frames_.write(t, mesh,
-                {{.name = "velocity", .unit = "m/s", .components = dim, .values = flat(nodes.v)},
-                 {.name = "pressure", .unit = "Pa", .components = 1, .values = nodes.p},
-                 {.name = "density", .unit = "kg/m^3", .components = 1, .values = nodes.rho}});
+                {{.name = "velocity", .unit = "m/s", .components = dim, .values = flat(v)},
+                 {.name = "pressure", .unit = "Pa", .components = 1, .values = p},
+                 {.name = "density", .unit = "kg/m^3", .components = 1, .values = rho}});
 }
 
 template <int dim>
@@ -376,7 +406,8 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
   {
     if (probe.config.radius > 0.0)
       return !(nodes.flag[n] & isolated_node) &&
-             norm(nodes.x[n] - as_point<dim>(probe.config.point)) <= probe.config.radius;
+             norm(nodes.period.near(as_point<dim>(probe.config.point), nodes.x[n]) -
+                  as_point<dim>(probe.config.point)) <= probe.config.radius;
     return std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]);
   };
   std::vector<double> row;

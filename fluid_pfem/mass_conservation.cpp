@@ -32,6 +32,7 @@ template <int dim>
     std::array<Vec<dim, Lanes>, dim + 1> corner;
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(nodes.x.data(), element, c, corner[c]);
+    nodes.period.join(corner);
     const Lanes share_of_corner = Lanes(1.0 / (dim + 1)) * signed_volume<dim, Lanes>(corner);
     double added[L];
     store_lanes(share_of_corner, added, L);

@@ -170,6 +170,7 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
       e.p[c] = column[Record::p];
       e.rho[c] = column[Record::rho];
     }
+    nodes.period.join(e.x);
     const auto least_mass = [&]
     {
       Lanes least;

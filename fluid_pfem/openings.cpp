@@ -20,10 +20,7 @@ constexpr int driven_rows = 3; ///< behind the opening
 template <int dim>
 double share(FluidNodes<dim>& nodes, const Simplex<dim>& e, double sign)
 {
-  std::array<Vec<dim>, dim + 1> x;
-  for (std::size_t a = 0; a < x.size(); ++a)
-    x[a] = nodes.x[static_cast<std::size_t>(e[a])];
-  const double V = signed_volume<dim, double>(x) / (dim + 1);
+  const double V = signed_volume<dim, double>(corners<dim>(nodes.x, e, nodes.period)) / (dim + 1);
   double mass = 0.0;
   for (const index_t n : e)
   {

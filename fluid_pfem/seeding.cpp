@@ -32,20 +32,23 @@ std::vector<PlaneSurface<dim>> box_surfaces(const Vec<dim>& origin, const Vec<di
   return surfaces;
 }
 
-/// Coordinates along one axis: `cells` equal intervals, or shifted by half with the two ends kept.
-std::vector<double> line_of_nodes(double origin, double length, int cells, bool shifted)
+/// Coordinates along one axis: `cells` equal intervals, or shifted by half with the two ends kept. A periodic
+/// axis has only one of the ends, and none if shifted.
+std::vector<double> line_of_nodes(double origin, double length, int cells, bool shifted, bool periodic)
 {
   std::vector<double> line;
   const double h = length / cells;
   if (!shifted)
-    for (int i = 0; i <= cells; ++i)
+    for (int i = 0; i <= cells - periodic; ++i)
       line.push_back(i == cells ? origin + length : origin + i * h);
   else
   {
-    line.push_back(origin);
+    if (!periodic)
+      line.push_back(origin);
     for (int i = 0; i < cells; ++i)
       line.push_back(origin + (i + 0.5) * h);
-    line.push_back(origin + length);
+    if (!periodic)
+      line.push_back(origin + length);
   }
   return line;
 }
@@ -66,16 +69,21 @@ void mark_surfaces(Seeds<dim>& seeds, const std::vector<PlaneSurface<dim>>& surf
 /// Nodes of spacing about `h` that fill the box, with nodes on all faces, edges and corners. The staggered
 /// pattern is mirror-symmetric about each of its node columns (2-D), so that a one-dimensional motion along
 /// the columns stays one-dimensional.
+/// @param period along axes where it is not 0 the nodes repeat themselves
 template <int dim>
-Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, const Seeding& seeding)
+Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, const Seeding& seeding,
+                    const Vec<dim>& period)
 {
   const bool staggered = seeding.pattern == Pattern::staggered;
   std::vector<Vec<dim>> x;
   if constexpr (dim == 2)
   {
-    const int columns = cells_of(size[0], staggered ? h * std::sqrt(0.75) : h);
-    for (int i = 0; i <= columns; ++i)
-      for (const double y : line_of_nodes(origin[1], size[1], cells_of(size[1], h), staggered && i % 2 == 1))
+    const bool repeats = period[0] > 0.0;
+    const double width = staggered ? h * std::sqrt(0.75) : h;
+    const int columns = repeats && staggered ? 2 * cells_of(size[0], 2.0 * width) : cells_of(size[0], width);
+    for (int i = 0; i <= columns - repeats; ++i)
+      for (const double y :
+           line_of_nodes(origin[1], size[1], cells_of(size[1], h), staggered && i % 2 == 1, period[1] > 0.0))
         x.push_back({{i == columns ? origin[0] + size[0] : origin[0] + i * size[0] / columns, y}});
   }
   else
@@ -87,14 +95,14 @@ Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, cons
               ny = cells_of(size[1], spacing);
     const auto add_columns = [&](bool shifted)
     {
-      for (const double px : line_of_nodes(origin[0], size[0], nx, shifted))
-        for (const double pz : line_of_nodes(origin[2], size[2], nz, shifted))
+      for (const double px : line_of_nodes(origin[0], size[0], nx, shifted, period[0] > 0.0))
+        for (const double pz : line_of_nodes(origin[2], size[2], nz, shifted, period[2] > 0.0))
         {
           const bool on_edge = shifted && (px == origin[0] || px == origin[0] + size[0] || pz == origin[2] ||
                                            pz == origin[2] + size[2]);
           if (on_edge)
             continue;
-          for (const double py : line_of_nodes(origin[1], size[1], ny, shifted))
+          for (const double py : line_of_nodes(origin[1], size[1], ny, shifted, period[1] > 0.0))
             x.push_back({{px, py, pz}});
         }
     };
@@ -108,6 +116,10 @@ Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, cons
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   seeds.x = std::move(x);
   mark_surfaces(seeds, box_surfaces<dim>(origin, size), 1e-9 * h);
+  for (auto& surface : seeds.surface) // two faces per axis
+    for (int i = 0; i < dim; ++i)
+      if (period[i] > 0.0)
+        surface &= ~(SurfaceMask{3} << 2 * i);
   for (std::size_t n = 0; n < seeds.x.size(); ++n)
     if (seeds.surface[n] == 0 && seeding.jitter > 0.0)
       for (int i = 0; i < dim; ++i)
@@ -385,7 +397,8 @@ Scene<dim> seed_scene(const FluidConfig& config, const SizeField<dim>& size, con
     Seeds<dim> seeds;
     if (size.uniform() && body->shape != Shape::polygon && loops.size() <= 1)
     {
-      seeds = seed_box<dim>(origin, extent, h, config.seeding);
+      seeds = seed_box<dim>(origin, extent, h, config.seeding,
+                            body == bodies.front() ? leading<dim>(config.period) : Vec<dim>{});
       if (body->shape == Shape::ellipse)
         seeds = cut_ellipse<dim>(seeds, origin, extent, h);
     }

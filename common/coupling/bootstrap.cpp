@@ -198,16 +198,7 @@ private:
   MPI_Errhandler old_ = MPI_ERRHANDLER_NULL;
 };
 
-void require_success(int result, const char* doing)
-{
-  if (result == MPI_SUCCESS)
-    return;
-  char text[MPI_MAX_ERROR_STRING];
-  int length = 0;
-  MPI_Error_string(result, text, &length);
-  throw ProtocolError(code::no_hello, std::string("MPI failed while ") + doing + ": " +
-                                          std::string(text, std::size_t(length)));
-}
+void require_success(int result, const char* doing) { require_mpi(result, code::no_hello, doing); }
 
 /// Takes a message from the world if one is there.
 std::optional<std::vector<std::byte>> take(int source, int tag, int* from)

@@ -23,16 +23,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int message_tag = 1;
 constexpr int heartbeat_tag = 2;
 
-void require_success(int result, const char* doing)
-{
-  if (result == MPI_SUCCESS)
-    return;
-  char text[MPI_MAX_ERROR_STRING];
-  int length = 0;
-  MPI_Error_string(result, text, &length);
-  throw ProtocolError(code::partner_silent, std::string("MPI failed while ") + doing + ": " +
-                                                std::string(text, std::size_t(length)));
-}
+void require_success(int result, const char* doing) { require_mpi(result, code::partner_silent, doing); }
 
 bool mpi_is_usable()
 {
@@ -123,6 +114,17 @@ private:
 };
 
 } // namespace
+
+void require_mpi(int result, int exit_code, const char* doing)
+{
+  if (result == MPI_SUCCESS)
+    return;
+  char text[MPI_MAX_ERROR_STRING];
+  int length = 0;
+  MPI_Error_string(result, text, &length);
+  throw ProtocolError(exit_code, std::string("MPI failed while ") + doing + ": " +
+                                     std::string(text, std::size_t(length)));
+}
 
 Intercommunicators::~Intercommunicators()
 {

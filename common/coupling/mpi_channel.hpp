@@ -15,6 +15,10 @@
 namespace undine::link
 {
 
+/// @throws ProtocolError(exit_code) with MPI's text unless `result` is MPI_SUCCESS; `doing`: "waiting for a
+/// hello"
+void require_mpi(int result, int exit_code, const char* doing);
+
 /// The intercommunicators of one process. Freed when neither the World nor a channel needs them any more.
 ///
 /// While the coupler waits for one partner, the others wait for the coupler; beat() tells them that it lives,

@@ -129,12 +129,28 @@ std::vector<int> FacetSurface<dim>::patches(double angle) const
 }
 
 template <int dim>
-std::array<long, dim> FacetSurface<dim>::bin_of(const Vec<dim>& p) const
+typename FacetSurface<dim>::Bin FacetSurface<dim>::bin_of(const Vec<dim>& p) const
 {
-  std::array<long, dim> bin;
+  Bin bin;
   for (int i = 0; i < dim; ++i)
     bin[static_cast<std::size_t>(i)] = std::lround(std::floor(p[i] / bin_size_));
   return bin;
+}
+
+template <int dim>
+template <class Act>
+void FacetSurface<dim>::each_bin(const Bin& first, const Bin& last, Act&& act)
+{
+  for (Bin bin = first;;)
+  {
+    act(bin);
+    std::size_t i = 0;
+    for (; i < dim && bin[i] >= last[i]; ++i)
+      bin[i] = first[i];
+    if (i == dim)
+      return;
+    ++bin[i];
+  }
 }
 
 template <int dim>
@@ -151,21 +167,8 @@ void FacetSurface<dim>::sort_bins()
         low[i] = std::min(low[i], x_[static_cast<std::size_t>(n)][i]);
         high[i] = std::max(high[i], x_[static_cast<std::size_t>(n)][i]);
       }
-    const auto first = bin_of(low), last = bin_of(high);
-    auto bin = first;
-    for (bool more = true; more;)
-    {
-      bins_.emplace_back(bin, static_cast<index_t>(k));
-      more = false;
-      for (std::size_t i = 0; i < dim && !more; ++i)
-        if (bin[i] < last[i])
-        {
-          ++bin[i];
-          more = true;
-        }
-        else
-          bin[i] = first[i];
-    }
+    each_bin(bin_of(low), bin_of(high),
+             [&](const Bin& bin) { bins_.emplace_back(bin, static_cast<index_t>(k)); });
   }
   std::sort(bins_.begin(), bins_.end());
 }
@@ -179,23 +182,13 @@ void FacetSurface<dim>::within(const Vec<dim>& p, double reach, std::vector<inde
   Vec<dim> margin;
   for (int i = 0; i < dim; ++i)
     margin[i] = reach;
-  const auto first = bin_of(p - margin), last = bin_of(p + margin);
-  auto bin = first;
-  for (bool more = true; more;)
-  {
-    for (auto it = std::lower_bound(bins_.begin(), bins_.end(), std::pair{bin, index_t{0}});
-         it != bins_.end() && it->first == bin; ++it)
-      found.push_back(it->second);
-    more = false;
-    for (std::size_t i = 0; i < dim && !more; ++i)
-      if (bin[i] < last[i])
-      {
-        ++bin[i];
-        more = true;
-      }
-      else
-        bin[i] = first[i];
-  }
+  each_bin(bin_of(p - margin), bin_of(p + margin),
+           [&](const Bin& bin)
+           {
+             for (auto it = std::lower_bound(bins_.begin(), bins_.end(), std::pair{bin, index_t{0}});
+                  it != bins_.end() && it->first == bin; ++it)
+               found.push_back(it->second);
+           });
   std::sort(found.begin() + static_cast<std::ptrdiff_t>(begin), found.end());
   found.erase(std::unique(found.begin() + static_cast<std::ptrdiff_t>(begin), found.end()), found.end());
   found.erase(std::remove_if(found.begin() + static_cast<std::ptrdiff_t>(begin), found.end(),

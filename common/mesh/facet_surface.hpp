@@ -65,7 +65,7 @@ public:
     archive("facets", facets_);
     archive("rim", rim_);
     archive("bin_size", bin_size_);
-    std::vector<std::array<long, dim>> bin;
+    std::vector<Bin> bin;
     std::vector<index_t> in_bin;
     for (const auto& [place, facet] : bins_)
     {
@@ -91,14 +91,18 @@ private:
   };
   Projection project(const Vec<dim>& p, index_t facet) const;
   Vec<dim> normal_of(index_t facet) const;
-  std::array<long, dim> bin_of(const Vec<dim>& p) const;
+  using Bin = std::array<long, dim>;
+  Bin bin_of(const Vec<dim>& p) const;
+  /// act(bin) for all bins of the box of which first and last are opposite corners.
+  template <class Act>
+  static void each_bin(const Bin& first, const Bin& last, Act&& act);
 
   std::vector<Vec<dim>> x_;
   std::vector<Facet> facets_;
   std::vector<std::array<bool, dim>>
       rim_; ///< per facet: node a (2-D), edge opposite of node a (3-D) is on the rim
   double bin_size_ = 0.0;
-  std::vector<std::pair<std::array<long, dim>, index_t>> bins_; ///< sorted
+  std::vector<std::pair<Bin, index_t>> bins_; ///< sorted
 };
 
 } // namespace undine

@@ -16,17 +16,14 @@ namespace
 /// Corners in the order of their numbers, and the smallest wanted spacing.
 template <int dim>
 std::pair<std::array<Vec<dim>, dim + 1>, double> corners_of(Simplex<dim> simplex, std::span<const Vec<dim>> x,
-                                                            std::span<const double> h)
+                                                            std::span<const double> h,
+                                                            const Period<dim>& period)
 {
   std::sort(simplex.begin(), simplex.end());
-  std::array<Vec<dim>, dim + 1> corner;
   double h_min = h[static_cast<std::size_t>(simplex[0])];
-  for (std::size_t a = 0; a < simplex.size(); ++a)
-  {
-    corner[a] = x[static_cast<std::size_t>(simplex[a])];
-    h_min = std::min(h_min, h[static_cast<std::size_t>(simplex[a])]);
-  }
-  return {corner, h_min};
+  for (const index_t n : simplex)
+    h_min = std::min(h_min, h[static_cast<std::size_t>(n)]);
+  return {corners<dim>(x, simplex, period), h_min};
 }
 
 template <int dim>
@@ -52,18 +49,13 @@ bool on_one_piece(const Simplex<dim>& simplex, const std::vector<std::array<int,
 template <int dim>
 bool closing_gap(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, double limit)
 {
-  std::array<Vec<dim>, dim + 1> x, v;
-  for (std::size_t a = 0; a < x.size(); ++a)
-  {
-    x[a] = nodes.x[static_cast<std::size_t>(simplex[a])];
-    v[a] = nodes.v[static_cast<std::size_t>(simplex[a])];
-  }
+  const auto x = corners<dim>(nodes.x, simplex, nodes.period);
   const auto g = volume_gradients<dim, double>(x);
   double largest = 0.0, rate = 0.0;
   for (std::size_t a = 0; a < x.size(); ++a)
   {
     largest = std::max(largest, norm(g[a]));
-    rate += dot(g[a], v[a]);
+    rate += dot(g[a], nodes.v[static_cast<std::size_t>(simplex[a])]);
   }
   const double height = signed_volume<dim, double>(x) / largest;
   return height < limit && rate < 0.0;
@@ -88,7 +80,7 @@ bool is_flat(const Simplex<dim>& simplex, const std::array<Vec<dim>, dim + 1>& c
 template <int dim>
 bool becomes_fluid(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, const ShapeRules& rules)
 {
-  const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
+  const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h, nodes.period);
   const bool closes = rules.gap > 0.0 ? closing_gap<dim>(simplex, nodes, rules.gap * h)
                                       : circumradius<dim>(corner) <= rules.create * h;
   return closes && !is_flat<dim>(simplex, corner, nodes, rules.sliver_quality);
@@ -96,13 +88,13 @@ bool becomes_fluid(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, co
 
 template <int dim>
 std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<const double> h, double alpha,
-                                      const std::vector<Simplex<dim>>& delaunay)
+                                      const std::vector<Simplex<dim>>& delaunay, const Period<dim>& period)
 {
   std::vector<Simplex<dim>> kept;
   kept.reserve(delaunay.size());
   for (const auto& simplex : delaunay)
   {
-    const auto [corner, h_min] = corners_of<dim>(simplex, x, h);
+    const auto [corner, h_min] = corners_of<dim>(simplex, x, h, period);
     if (circumradius<dim>(corner) <= alpha * h_min) // false for the NaN and infinity of a flat simplex
       kept.push_back(simplex);
   }
@@ -135,7 +127,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     int boundary = 0;
     for (const index_t n : simplex)
       boundary += (nodes.flag[static_cast<std::size_t>(n)] & on_boundary) != 0;
-    const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h);
+    const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h, nodes.period);
     const double R = circumradius<dim>(corner);
     const double largest =
         std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
@@ -156,9 +148,9 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     for (const auto& p : corner)
       centroid += (1.0 / (dim + 1)) * p;
     doubtful.push_back({s, corner, R, h, boundary});
-    centroids.push_back(centroid);
+    centroids.push_back(nodes.period.wrapped(centroid));
   }
-  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin);
+  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period);
 
   ShapeChoice<dim> choice;
   choice.gained.assign(nodes.x.size(), 0.0);
@@ -196,9 +188,9 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
 template bool becomes_fluid<2>(const Simplex<2>&, const FluidNodes<2>&, const ShapeRules&);
 template bool becomes_fluid<3>(const Simplex<3>&, const FluidNodes<3>&, const ShapeRules&);
 template std::vector<Simplex<2>> alpha_shape<2>(std::span<const Vec<2>>, std::span<const double>, double,
-                                                const std::vector<Simplex<2>>&);
+                                                const std::vector<Simplex<2>>&, const Period<2>&);
 template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::span<const double>, double,
-                                                const std::vector<Simplex<3>>&);
+                                                const std::vector<Simplex<3>>&, const Period<3>&);
 template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
                                         const std::vector<Simplex<2>>&, std::span<const Vec<2>>,
                                         std::span<const Simplex<2>>, double, const ShapeRules&);

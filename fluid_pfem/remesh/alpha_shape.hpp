@@ -17,7 +17,8 @@ namespace undine::fluid
 /// are taken in the order of their numbers, so that the test gives the same bits wherever it is evaluated.
 template <int dim>
 std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<const double> h, double alpha,
-                                      const std::vector<Simplex<dim>>& delaunay);
+                                      const std::vector<Simplex<dim>>& delaunay,
+                                      const Period<dim>& period = {});
 
 /// Thresholds of the hysteresis. Lengths in units of h.
 struct ShapeRules

@@ -16,6 +16,12 @@ namespace undine::fluid
 std::vector<Simplex<2>> delaunay(std::span<const Vec<2>> x);
 std::vector<Simplex<3>> delaunay(std::span<const Vec<3>> x);
 
+/// The same in a periodic space, of points in the cell: each simplex once, its corners numbered as the points
+/// that they are images of. Simplices too large to lie in half a cell are left out. The images see exactly
+/// the same neighbours, so that both ends of the cell agree, ties included.
+template <int dim>
+std::vector<Simplex<dim>> periodic_delaunay(std::span<const Vec<dim>> x, const Period<dim>& period);
+
 /// Sign of the area of (a, b, c), exact.
 int exact_orientation(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c);
 /// +1 if d lies inside the circle through the positive triangle (a, b, c), else −1; exact, with the tie rule

@@ -12,7 +12,8 @@ namespace undine::fluid
 
 template <int dim>
 [[gnu::flatten]] bool is_worse(const FluidMesh<dim>& mesh, index_t begin, index_t end,
-                               std::span<const Vec<dim>> x, std::span<const float> before, double limit)
+                               std::span<const Vec<dim>> x, std::span<const float> before, double limit,
+                               const Period<dim>& period)
 {
   constexpr int L = Lanes::size;
   for (index_t first = begin; first < end; first += L)
@@ -21,6 +22,7 @@ template <int dim>
     std::array<Vec<dim, Lanes>, dim + 1> corner;
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(x.data(), element, c, corner[c]);
+    period.join(corner);
     Lanes q_before;
     for (int l = 0; l < L; ++l)
       q_before.set(l, static_cast<double>(before[static_cast<std::size_t>(std::min(first + l, end - 1))]));
@@ -35,7 +37,8 @@ template <int dim>
 
 template <int dim>
 [[gnu::flatten]] bool is_strained(std::span<const Simplex<dim>> simplices, std::span<const Vec<dim>> x,
-                                  std::span<const Vec<dim>> x_before, std::span<const double> h, double limit)
+                                  std::span<const Vec<dim>> x_before, std::span<const double> h, double limit,
+                                  const Period<dim>& period)
 {
   const auto n = static_cast<index_t>(simplices.size());
   for (index_t first = 0; first < n; first += Lanes::size)
@@ -47,6 +50,8 @@ template <int dim>
       load_points<dim>(x.data(), element, c, now[c]);
       load_points<dim>(x_before.data(), element, c, then[c]);
     }
+    period.join(now);
+    period.join(then);
     Lanes most;
     for (std::size_t l = 0; l < Lanes::size; ++l)
       most.set(static_cast<int>(l), limit * h[static_cast<std::size_t>((*element[l])[0])]);
@@ -59,12 +64,12 @@ template <int dim>
 }
 
 template bool is_worse<2>(const FluidMesh<2>&, index_t, index_t, std::span<const Vec<2>>,
-                          std::span<const float>, double);
+                          std::span<const float>, double, const Period<2>&);
 template bool is_worse<3>(const FluidMesh<3>&, index_t, index_t, std::span<const Vec<3>>,
-                          std::span<const float>, double);
+                          std::span<const float>, double, const Period<3>&);
 template bool is_strained<2>(std::span<const Simplex<2>>, std::span<const Vec<2>>, std::span<const Vec<2>>,
-                             std::span<const double>, double);
+                             std::span<const double>, double, const Period<2>&);
 template bool is_strained<3>(std::span<const Simplex<3>>, std::span<const Vec<3>>, std::span<const Vec<3>>,
-                             std::span<const double>, double);
+                             std::span<const double>, double, const Period<3>&);
 
 } // namespace undine::fluid

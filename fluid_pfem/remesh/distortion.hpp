@@ -14,11 +14,12 @@ namespace undine::fluid
 /// @param before quality of each element at the last remesh
 template <int dim>
 bool is_worse(const FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const Vec<dim>> x,
-              std::span<const float> before, double limit);
+              std::span<const float> before, double limit, const Period<dim>& period);
 
 /// An edge of the simplices has changed its length by more than `limit` · h since nodes were at x_before.
 template <int dim>
 bool is_strained(std::span<const Simplex<dim>> simplices, std::span<const Vec<dim>> x,
-                 std::span<const Vec<dim>> x_before, std::span<const double> h, double limit);
+                 std::span<const Vec<dim>> x_before, std::span<const double> h, double limit,
+                 const Period<dim>& period);
 
 } // namespace undine::fluid

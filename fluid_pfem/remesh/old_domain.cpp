@@ -34,7 +34,7 @@ void for_each_cell(const std::array<long, dim>& lower, const std::array<long, di
 
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
-                         std::span<const Vec<dim>> queries, double bin)
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period)
 {
   std::vector<char> found(queries.size(), 0);
   if (queries.empty())
@@ -81,11 +81,8 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
   for (std::size_t q = 0; q < queries.size(); ++q)
     in_bin[static_cast<std::size_t>(next[bin_of(cell_of(queries[q]))]++)] = static_cast<index_t>(q);
 
-  for (const auto& e : elements)
+  const auto look_at = [&](const std::array<Vec<dim>, dim + 1>& corner)
   {
-    std::array<Vec<dim>, dim + 1> corner;
-    for (std::size_t a = 0; a < corner.size(); ++a)
-      corner[a] = x[static_cast<std::size_t>(e[a])];
     Vec<dim> low = corner[0], high = corner[0];
     for (const auto& p : corner)
       for (int i = 0; i < dim; ++i)
@@ -110,7 +107,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
     }
     const double V = signed_volume<dim, double>(corner);
     if (beside || !(V > 0.0))
-      continue;
+      return;
     const double round_off = 1e-10 * V; // a point on the side of two elements lies in at least one
     for_each_cell<dim>(first, last,
                        [&](const auto& cell)
@@ -130,13 +127,26 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
                              found[q] = 1;
                          }
                        });
+  };
+  const auto shifts = period.shifts();
+  for (const auto& e : elements)
+  {
+    const auto corner = corners<dim>(x, e, period);
+    look_at(corner);
+    for (std::size_t k = 1; k < shifts.size(); ++k)
+    {
+      auto image = corner;
+      for (auto& p : image)
+        p += shifts[k];
+      look_at(image);
+    }
   }
   return found;
 }
 
 template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
-                                     std::span<const Vec<2>>, double);
+                                     std::span<const Vec<2>>, double, const Period<2>&);
 template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
-                                     std::span<const Vec<3>>, double);
+                                     std::span<const Vec<3>>, double, const Period<3>&);
 
 } // namespace undine::fluid

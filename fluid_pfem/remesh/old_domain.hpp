@@ -13,9 +13,9 @@ namespace undine::fluid
 
 /// For every query point whether it lies in one of the positively oriented elements. The points are sorted
 /// into a grid of bins of size `bin`, about the spacing of nodes [m]; each element looks at the points near
-/// it.
+/// it. In a periodic space the points lie in the cell.
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
-                         std::span<const Vec<dim>> queries, double bin);
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period = {});
 
 } // namespace undine::fluid

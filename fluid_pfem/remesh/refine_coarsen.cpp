@@ -56,13 +56,21 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
   double bin = 0.0;
   for (const double h : nodes.h)
     bin = std::max(bin, touching * h);
+  Vec<dim> size; // of a bin: a whole number of them fills a period
+  std::array<long, dim> count{};
+  for (int i = 0; i < dim; ++i)
+  {
+    const double length = nodes.period.length()[i];
+    count[static_cast<std::size_t>(i)] = std::lround(std::floor(length / bin));
+    size[i] = length > 0.0 ? length / static_cast<double>(count[static_cast<std::size_t>(i)]) : bin;
+  }
   for (index_t n = 0; n < nodes.size(); ++n)
     if (nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
     {
       std::array<long, dim> cell;
+      const Vec<dim> from_origin = nodes.x[static_cast<std::size_t>(n)] - nodes.period.origin();
       for (int i = 0; i < dim; ++i)
-        cell[static_cast<std::size_t>(i)] =
-            std::lround(std::floor(nodes.x[static_cast<std::size_t>(n)][i] / bin));
+        cell[static_cast<std::size_t>(i)] = std::lround(std::floor(from_origin[i] / size[i]));
       cells.emplace_back(cell, n);
     }
   std::sort(cells.begin(), cells.end());
@@ -75,12 +83,17 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
     {
       std::array<long, dim> near = cell;
       for (int i = 0, rest = k; i < dim; ++i, rest /= 3)
-        near[static_cast<std::size_t>(i)] += rest % 3 - 1;
+      {
+        long& c = near[static_cast<std::size_t>(i)];
+        c += rest % 3 - 1;
+        if (const long n_cells = count[static_cast<std::size_t>(i)]; n_cells > 0)
+          c = (c + n_cells) % n_cells;
+      }
       for (auto it = std::lower_bound(cells.begin(), cells.end(), std::pair{near, n + 1});
            it != cells.end() && it->first == near; ++it)
       {
         const auto p = static_cast<std::size_t>(n), q = static_cast<std::size_t>(it->second);
-        const double length = norm(nodes.x[p] - nodes.x[q]) / std::min(nodes.h[p], nodes.h[q]);
+        const double length = nodes.distance(p, q) / std::min(nodes.h[p], nodes.h[q]);
         const bool across_a_wall = count_pieces(wall_pieces[p]) > 0 && count_pieces(wall_pieces[q]) > 0 &&
                                    common_pieces(wall_pieces[p], wall_pieces[q])[0] < 0;
         if (length < touching && !across_a_wall)
@@ -104,7 +117,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
       {
         const index_t i = std::min(e[a], e[b]), j = std::max(e[a], e[b]);
         const auto p = static_cast<std::size_t>(i), q = static_cast<std::size_t>(j);
-        const double h = std::min(nodes.h[p], nodes.h[q]), length = norm(nodes.x[p] - nodes.x[q]) / h;
+        const double h = std::min(nodes.h[p], nodes.h[q]), length = nodes.distance(p, q) / h;
         if (length < rules.merge)
           close.push_back({length, i, j});
         else if (length > std::min(rules.split, rules.split_wall))
@@ -153,7 +166,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     report.kinetic_lost += 0.5 * nodes.M[k] * share * norm_squared(nodes.v[k] - nodes.v[l]);
     const bool moves = rank(k) == rank(l);
     if (moves)
-      nodes.x[k] += share * (nodes.x[l] - nodes.x[k]);
+      nodes.x[k] += share * (nodes.period.near(nodes.x[k], nodes.x[l]) - nodes.x[k]);
     if (moves ||
         nodes.V[k] == 0.0) // density belongs to a place: under gravity the mean is that of another one
       nodes.rho[k] += share * (nodes.rho[l] - nodes.rho[k]);
@@ -187,7 +200,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     const double share = share_of(nodes, l, k);
     const auto mean_by_mass = [share](const Vec<dim>& a, const Vec<dim>& b)
     { return (1.0 - share) * a + share * b; };
-    nodes.x.push_back(mean(nodes.x[k], nodes.x[l]));
+    nodes.x.push_back(mean(nodes.x[k], nodes.period.near(nodes.x[k], nodes.x[l])));
     nodes.v.push_back(mean_by_mass(nodes.v[k], nodes.v[l]));
     nodes.a.push_back(mean_by_mass(nodes.a[k], nodes.a[l]));
     nodes.m.push_back((nodes.m[k] + nodes.m[l]) / 3.0);

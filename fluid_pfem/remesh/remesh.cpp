@@ -31,10 +31,10 @@ std::uint64_t mixed(std::uint64_t z)
 
 /// The corners in the order of their numbers, so that what is computed of them depends on the set only.
 template <int dim>
-std::array<Vec<dim>, dim + 1> sorted_corners(std::span<const Vec<dim>> x, Simplex<dim> e)
+std::array<Vec<dim>, dim + 1> sorted_corners(const FluidNodes<dim>& nodes, Simplex<dim> e)
 {
   std::sort(e.begin(), e.end());
-  return corners<dim>(x, e);
+  return corners<dim>(nodes.x, e, nodes.period);
 }
 
 } // namespace
@@ -43,8 +43,14 @@ std::array<Vec<dim>, dim + 1> sorted_corners(std::span<const Vec<dim>> x, Simple
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::triangulation()
 {
-  delaunay_.update(nodes_.x);
-  std::vector<Simplex<dim>> simplices = delaunay_.simplices();
+  std::vector<Simplex<dim>> simplices;
+  if (nodes_.period.any())
+    simplices = periodic_delaunay<dim>(nodes_.x, nodes_.period);
+  else
+  {
+    delaunay_.update(nodes_.x);
+    simplices = delaunay_.simplices();
+  }
   constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
   const auto spacing = [&](const Simplex<dim>& e)
   {
@@ -61,7 +67,7 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
                         e.begin(), e.end(),
                         [&](index_t n) { return nodes_.flag[static_cast<std::size_t>(n)] & on_boundary; });
                     return outer >= 2 &&
-                           contact_.blocks(sorted_corners<dim>(nodes_.x, e), around_corner * spacing(e));
+                           contact_.blocks(sorted_corners<dim>(nodes_, e), around_corner * spacing(e));
                   });
   if (!solid_.empty())
   {
@@ -69,7 +75,7 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
     std::erase_if(simplices,
                   [&](const Simplex<dim>& e)
                   {
-                    const bool blocked = solid_.blocks(sorted_corners<dim>(nodes_.x, e), spacing(e));
+                    const bool blocked = solid_.blocks(sorted_corners<dim>(nodes_, e), spacing(e));
                     if (blocked)
                       erased.push_back(e);
                     return blocked;
@@ -111,6 +117,8 @@ void Fluid<dim>::remesh()
   }
   check_state(update_state(
       0, nodes_.size())); // the exchange of mass of the last step is part of the density that stays
+  for (auto& x : nodes_.x)
+    x = nodes_.period.wrapped(x);
   pass_openings();
   std::vector<Vec<dim>> v_half = half_step_velocity();
   const double before = energy_with(v_half);
@@ -210,15 +218,15 @@ template <int dim>
 void Fluid<dim>::triangulate()
 {
   std::vector<Simplex<dim>> delaunay = triangulation();
-  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay);
+  auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
     std::erase_if(elements,
                   [&](const Simplex<dim>& e)
                   {
                     Vec<dim> centroid{};
-                    for (const auto& x : corners<dim>(nodes_.x, e))
+                    for (const auto& x : corners<dim>(nodes_.x, e, nodes_.period))
                       centroid += (1.0 / (dim + 1)) * x;
-                    return !inside_(centroid);
+                    return !inside_(nodes_.period.wrapped(centroid));
                   });
   renumber(delaunay, order_nodes(elements));
   finish_mesh(std::move(elements));
@@ -339,7 +347,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   x_remesh_ = nodes_.x;
   quality_.resize(mesh_.elements.size());
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
-    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e])));
+    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e], nodes_.period)));
   if (!contact_.empty())
     contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
   ++surface_epoch_;
@@ -439,7 +447,8 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
                                                    return large[i] || (nodes_.surface[i] & kept) != 0;
                                                  });
                   if (!stays)
-                    choice.dropped += std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e)));
+                    choice.dropped +=
+                        std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e, nodes_.period)));
                   return !stays;
                 });
 }
@@ -533,6 +542,7 @@ void Fluid<dim>::find_impedance()
       common &= nodes_.surface[static_cast<std::size_t>(facet[k])];
       x[k] = nodes_.x[static_cast<std::size_t>(facet[k])];
     }
+    nodes_.period.join(x);
     // volume_gradient of the facet is inward: V∇N = −area/dim
     for (const index_t n : facet)
       if (common != 0)

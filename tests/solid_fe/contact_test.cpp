@@ -463,7 +463,7 @@ std::pair<double, double> taylor(Solid<dim>& solid)
 
 // Our own converged values: L 21.44 mm, R 7.18 mm (14 × 70); published scatter 21.26-21.66 and 6.97-7.24.
 // Gates 1 % and 3 %.
-TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[solid][verification]")
+TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[solid][verification][taylor]")
 {
   for (const auto formulation : {Formulation::locking_free, Formulation::one_point})
   {
@@ -489,7 +489,7 @@ TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[sol
 
 // A quarter of the bar, the square of elements mapped to the quarter disc: a coarse mesh, same gates for L, 5
 // % for R.
-TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification]")
+TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification][taylor]")
 {
   SolidConfig config;
   config.dim = 3;

@@ -373,7 +373,7 @@ double cook(const Kind& kind, const std::string& law, double E, double nu, doubl
 
 // benchmarks: own quadratic elements 23.93 (16 × 16), 23.96 quoted as converged; the corner limits the order
 // to 1.3.
-TEST_CASE("Cook's membrane in plane stress", "[solid][verification]")
+TEST_CASE("Cook's membrane in plane stress", "[solid][verification][cook]")
 {
   const Kind full{ElementType::quadrilateral4, Formulation::full, PlaneKind::stress};
   const Kind one{ElementType::quadrilateral4, Formulation::one_point, PlaneKind::stress};
@@ -388,7 +388,7 @@ TEST_CASE("Cook's membrane in plane stress", "[solid][verification]")
 
 // Tolerance of the benchmark table: 5 %; full integration is off by half.
 TEST_CASE("nothing locks in Cook's nearly incompressible membrane but full integration",
-          "[solid][verification]")
+          "[solid][verification][cook]")
 {
   const double nu = 0.4999, E = 240.565, F = 100.0;
   const auto run = [&](const Kind& kind, const char* law)
@@ -412,7 +412,7 @@ TEST_CASE("nothing locks in Cook's nearly incompressible membrane but full integ
 }
 
 // 7.881 from quadratic elements, 20 × 20 (rising); 1 %.
-TEST_CASE("Cook's compressible neo-Hookean membrane", "[solid][verification]")
+TEST_CASE("Cook's compressible neo-Hookean membrane", "[solid][verification][cook]")
 {
   const Kind mean{ElementType::quadrilateral4, Formulation::locking_free};
   const double v = cook<2>(mean, "neo_hookean_ln", 240.565, 0.3, 100.0, 7.9, 32);
@@ -423,7 +423,7 @@ TEST_CASE("Cook's compressible neo-Hookean membrane", "[solid][verification]")
 // The same membrane as a slab of one layer of tetrahedra between smooth plates (plane strain), nu = 0.49: the
 // 2-D mean-dilatation value is the truth, 10 % for so coarse a mesh of constant-strain elements; standard
 // ones lock.
-TEST_CASE("tetrahedra with nodal dilatation do not lock", "[solid][verification]")
+TEST_CASE("tetrahedra with nodal dilatation do not lock", "[solid][verification][cook]")
 {
   const double E = 240.565, nu = 0.49, F = 100.0;
   const double truth =
