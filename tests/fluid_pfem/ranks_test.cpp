@@ -189,6 +189,15 @@ TEST_CASE("ranks and threads together have the same bits, with a force that vari
   check_same_bits<2>(config, 40, 0);
 }
 
+TEST_CASE("a periodic space has the same bits", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(1.0 / 36.0, 30.0);
+  config.size = {1.0, 1.0, 0.0};
+  config.period = {1.0, 1.0, 0.0};
+  config.initial_velocity = {Expression("sin(2*pi*y)", ""), Expression("-sin(2*pi*x)", "")};
+  check_same_bits<2>(config, steps_wanted(200), 1);
+}
+
 TEST_CASE("fewer nodes than ranks: some have nothing to do", "[ranks]")
 {
   FluidConfig config = test::hydraulic(1.0, 30.0);
