@@ -7,6 +7,7 @@
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/distortion.hpp"
+#include "fluid_pfem/simplex.hpp"
 
 #include <fmt/format.h>
 
@@ -394,11 +395,30 @@ void Fluid<dim>::check_state(index_t bad)
   constexpr int looks_away = 10; // steps
   if (bad < 0 || ++turned_over_ <= looks_away)
     return;
+  // The element at the node that is worst: turned over the furthest, or not a number.
+  const auto volume = [&](index_t e)
+  {
+    return signed_volume<dim, double>(
+        corners<dim>(nodes_.x, mesh_.elements[static_cast<std::size_t>(e)], nodes_.period));
+  };
+  index_t worst = mesh_.fan(bad).front().element;
+  for (const auto& entry : mesh_.fan(bad))
+    if (!(volume(entry.element) >= volume(worst)))
+      worst = entry.element;
+  const Simplex<dim>& e = mesh_.elements[static_cast<std::size_t>(worst)];
+  Vec<dim> centre{};
+  std::vector<global_index_t> ids;
+  for (const auto& x : corners<dim>(nodes_.x, e, nodes_.period))
+    centre += (1.0 / (dim + 1)) * x;
+  for (const index_t n : e)
+    ids.push_back(nodes_.id[static_cast<std::size_t>(n)]);
   const auto i = static_cast<std::size_t>(bad);
-  throw NumericalError(
-      fmt::format("fluid step {}: the volume of node {} at {} m is {:.3g}: its elements have turned over "
-                  "(velocity {} m/s). A smaller fluid.step_safety or an earlier remesh may help",
-                  steps_ + 1, nodes_.id[i], text(nodes_.x[i]), nodes_.V[i], text(nodes_.v[i])));
+  throw NumericalError(fmt::format(
+      "fluid step {}, t = {:.9g} s: element {} (nodes {}) at {} m has the volume {:.3g} m^{}, node {} "
+      "{:.3g} m^{}: elements have been turned over for {} steps, remeshing did not help (velocity {} m/s, "
+      "pressure {:.4g} Pa). A smaller fluid.step_safety or an earlier remesh may",
+      steps_ + 1, t_, worst, fmt::join(ids, " "), text(centre), volume(worst), dim, nodes_.id[i], nodes_.V[i],
+      dim, turned_over_, text(nodes_.v[i]), nodes_.p[i]));
 }
 
 // ------------------------------------------------------------------------------------------------------

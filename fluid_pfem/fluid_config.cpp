@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace undine::fluid
 {
@@ -48,15 +49,18 @@ std::vector<Expression> formulas(const CaseTable& t, const Key& key, std::size_t
   return result;
 }
 
-/// x, y pairs as points of the plane.
-std::vector<std::array<double, 3>> corners(const CaseTable& t, const Key& key)
+/// x, y pairs as points of the plane, or triples as points of space.
+std::vector<std::array<double, 3>> corners(const CaseTable& t, const Key& key, std::size_t dim = 2)
 {
   const auto flat = t.numbers(key, 0, {}, any_number());
-  if (flat.size() % 2 != 0)
-    t.fail(key.name, "must be x, y pairs");
+  if (flat.size() % dim != 0)
+    t.fail(key.name, dim == 2 ? "must be x, y pairs" : "must be x, y, z triples");
   std::vector<std::array<double, 3>> points;
-  for (std::size_t k = 0; k < flat.size(); k += 2)
-    points.push_back({flat[k], flat[k + 1], 0.0});
+  for (std::size_t k = 0; k < flat.size(); k += dim)
+  {
+    points.push_back({});
+    std::copy_n(flat.begin() + static_cast<std::ptrdiff_t>(k), dim, points.back().begin());
+  }
   return points;
 }
 
@@ -103,16 +107,29 @@ void set_box(WallGeometry& g, const std::vector<double>& box, std::size_t dim)
 /// [[fluid.inlet]] and [[fluid.outlet]].
 void read_openings(const CaseTable& t, std::size_t dim, FluidConfig& config)
 {
-  for (const CaseTable& i : t.tables("inlet", "2-D: an opening through which fluid enters at a given speed."))
+  for (const CaseTable& i : t.tables("inlet", "An opening through which fluid enters at a given speed."))
   {
     InletConfig inlet;
     inlet.name = i.text({"name", "", "in messages"}, "inlet");
     const auto ends =
-        corners(i, {"points", "m", "ends of the opening a, b; the fluid enters to the left of a to b"});
-    if (ends.size() != 2 || ends[0] == ends[1])
-      i.fail("points", "must be two different points x0, y0, x1, y1");
+        corners(i,
+                {"points", "m",
+                 "2-D: ends of the opening a, b, the fluid enters to the left of a to b; 3-D: a corner "
+                 "a of a rectangle and its neighbours b, c, the fluid enters along (b - a) x (c - a)"},
+                dim);
+    if (ends.size() != dim || ends[0] == ends[1])
+      i.fail("points", dim == 2 ? "must be two different points x0, y0, x1, y1"
+                                : "must be three corners of a rectangle, nine numbers");
     inlet.a = ends[0];
     inlet.b = ends[1];
+    if (dim == 3)
+    {
+      inlet.c = ends[2];
+      const Vec<3> ab = leading<3>(inlet.b) - leading<3>(inlet.a),
+                   ac = leading<3>(inlet.c) - leading<3>(inlet.a);
+      if (std::abs(dot(ab, ac)) > 1e-6 * norm(ab) * norm(ac) || !(norm(ac) > 0.0))
+        i.fail("points", "b - a and c - a must be at a right angle");
+    }
     inlet.speed = formulas(i, {"speed", "m/s", "one function of t"}, 1);
     if (inlet.speed.empty())
       i.fail("speed", "is missing, e.g. [\"1.0\"]");
@@ -129,9 +146,9 @@ void read_openings(const CaseTable& t, std::size_t dim, FluidConfig& config)
   }
 }
 
-/// [[fluid.wall]]: either `on` a surface of the box for ever, or a polyline or plane that the fluid may meet
-/// and leave.
-void read_walls(const CaseTable& t, int dim, FluidConfig& config)
+/// [[fluid.wall]]: either `on` a surface of the box for ever, or a polyline, a plane or a mesh that the fluid
+/// may meet and leave.
+void read_walls(const CaseFile& file, const CaseTable& t, int dim, FluidConfig& config)
 {
   const auto n = static_cast<std::size_t>(dim);
   for (const CaseTable& w :
@@ -151,8 +168,13 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
     g.closed = w.boolean({"closed", "", "join the last point to the first"}, false);
     const auto box = w.numbers({"box", "m", "a closed box: lowest corner, then highest corner"},
                                w.has("box") ? 2 * n : 0, {}, any_number());
-    g.fluid_inside = w.choice({"fluid", "", "where the fluid is: inside or outside of the box"}, "inside",
-                              {"inside", "outside"}) == "inside";
+    const auto mesh = w.optional_text({"mesh", "",
+                                       "Gmsh file of the room of the fluid, or of an obstacle, relative to "
+                                       "the case; its boundary groups are walls of their names"});
+    const auto group = w.text({"group", "", "the only boundary group of the mesh that is wanted"}, "");
+    g.fluid_inside =
+        w.choice({"fluid", "", "where the fluid is: inside or outside of the box or of what is meshed"},
+                 "inside", {"inside", "outside"}) == "inside";
     const auto point =
         w.numbers({"point", "m", "a point of an unbounded plane"}, w.has("point") ? n : 0, {}, any_number());
     const auto normal = w.numbers({"normal", "", "normal of the plane, into the fluid"},
@@ -176,6 +198,16 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
     if (kind == "impedance")
       w.fail("kind", "only a face of the fluid can be an impedance boundary; give `on`");
     g.no_slip = kind == "no_slip";
+    if (mesh)
+    {
+      for (WallGeometry& part : walls_of_mesh(file.resolve(*mesh), dim, group, g.fluid_inside))
+      {
+        part.no_slip = g.no_slip;
+        part.motion = g.motion;
+        config.contact_walls.push_back(std::move(part));
+      }
+      continue;
+    }
     if (!box.empty())
       set_box(g, box, n);
     else if (!point.empty() && !normal.empty())
@@ -192,7 +224,7 @@ void read_walls(const CaseTable& t, int dim, FluidConfig& config)
       g.points = points;
     }
     else
-      w.fail("", "a wall needs `on`, `points`, `box`, or `point` and `normal`");
+      w.fail("", "a wall needs `on`, `points`, `box`, `mesh`, or `point` and `normal`");
     config.contact_walls.push_back(std::move(g));
   }
 }
@@ -386,7 +418,7 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
                {"zero", "hydrostatic"}) == "zero"
           ? InitialPressure::zero
           : InitialPressure::hydrostatic;
-  read_walls(t, run.dim, config);
+  read_walls(file, t, run.dim, config);
   read_openings(t, dim, config);
   for (const auto& i : coupling.interfaces)
     config.interfaces.emplace_back(i.name, i.fluid);

@@ -27,6 +27,8 @@ public:
 
   /// Call at every synchronised time; rows are written when they are due.
   void observe(double t, Fluid<dim>& fluid, bool frame);
+  /// Of what was collected, on rank 0.
+  void write_frame(double t, const Fluid<dim>& fluid);
   void for_each_state(StateArchive& archive);
 
 private:
@@ -56,7 +58,6 @@ private:
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;
-  void write_frame(double t, const Fluid<dim>& fluid);
   void sample_gauges(double t, const Fluid<dim>& fluid);
   void write_rows(double t, const Fluid<dim>& fluid);
 

@@ -57,6 +57,21 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
     log->warn(warning);
   std::string stopped;
   double wait = 0.0;
+  const auto last_state = [&](const NumericalError& failure)
+  {
+    if (!ranks.alone()) // only what this rank computes is there
+      return failure;
+    std::string where = "the last state is the last frame of fluid.h5";
+    try
+    {
+      output.write_frame(fluid.time(), fluid);
+    }
+    catch (const Failure&)
+    {
+      where = "the last state could not be written";
+    }
+    return NumericalError(fmt::format("{}; {}, t = {:.9g} s", failure.what(), where, fluid.time()));
+  };
   if (coupled)
   {
     std::optional<link::SolverLink> link;
@@ -70,12 +85,21 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
     {
       if (link)
         link->send_failure(static_cast<int>(failure.code()), failure.what());
+      if (const auto* numerical = dynamic_cast<const NumericalError*>(&failure))
+        throw last_state(*numerical);
       throw;
     }
     wait = link ? link->wait_seconds() : 0.0;
   }
   else
-    stopped = fluid::run_alone<dim>(fluid, launch.run, launch.output.frame_interval, observe, persistence);
+    try
+    {
+      stopped = fluid::run_alone<dim>(fluid, launch.run, launch.output.frame_interval, observe, persistence);
+    }
+    catch (const NumericalError& failure)
+    {
+      throw last_state(failure);
+    }
 
   fluid.collect();
   if (!first)

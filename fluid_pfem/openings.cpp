@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace undine::fluid
 {
@@ -37,27 +38,79 @@ double share(FluidNodes<dim>& nodes, const Simplex<dim>& e, double sign)
 } // namespace
 
 template <int dim>
+std::array<double, dim - 1> Openings<dim>::Inlet::place(const Vec<dim>& x) const
+{
+  std::array<double, dim - 1> p;
+  for (std::size_t k = 0; k < p.size(); ++k)
+    p[k] = dot(x - a, side[k]) / norm_squared(side[k]);
+  return p;
+}
+
+template <int dim>
+std::size_t Openings<dim>::Inlet::number(const std::array<int, dim - 1>& place) const
+{
+  int n = 0;
+  for (std::size_t k = 0; k < place.size(); ++k)
+    n = n * (intervals[k] + 1) + place[k];
+  return static_cast<std::size_t>(n);
+}
+
+template <int dim>
+std::size_t Openings<dim>::Inlet::nodes_per_row() const
+{
+  return number(intervals) + 1;
+}
+
+namespace
+{
+
+/// All places p with 0 ≤ p_k ≤ last_k, in the order of their numbers.
+template <std::size_t n>
+std::vector<std::array<int, n>> places(const std::array<int, n>& last)
+{
+  std::vector<std::array<int, n>> all{{}};
+  for (std::size_t k = 0; k < n; ++k)
+  {
+    std::vector<std::array<int, n>> longer;
+    for (const auto& p : all)
+      for (int i = 0; i <= last[k]; ++i)
+      {
+        longer.push_back(p);
+        longer.back()[k] = i;
+      }
+    all = std::move(longer);
+  }
+  return all;
+}
+
+} // namespace
+
+template <int dim>
 Openings<dim>::Openings(std::vector<InletConfig> inlets, std::vector<OutletConfig> outlets, double spacing)
     : outlets_(std::move(outlets))
 {
-  if constexpr (dim == 2)
-    for (InletConfig& config : inlets)
+  for (InletConfig& config : inlets)
+  {
+    Inlet inlet;
+    inlet.a = leading<dim>(config.a);
+    const std::array<Vec<dim>, 2> ends{leading<dim>(config.b), leading<dim>(config.c)};
+    for (std::size_t k = 0; k < dim - 1; ++k)
     {
-      Inlet inlet;
-      inlet.a = {{config.a[0], config.a[1]}};
-      inlet.t = {{config.b[0] - config.a[0], config.b[1] - config.a[1]}};
-      inlet.length = norm(inlet.t);
-      inlet.t *= 1.0 / inlet.length;
-      inlet.n = -right_normal(inlet.t);
-      inlet.intervals = std::max(1, static_cast<int>(std::lround(inlet.length / spacing)));
-      inlet.row = inlet.length / inlet.intervals;
-      inlet.bit = SurfaceMask{1} << (31 - inlets_.size());
-      inlet.config = std::move(config);
-      driven_ |= inlet.bit;
-      inlets_.push_back(std::move(inlet));
+      const Vec<dim> whole = ends[k] - inlet.a;
+      inlet.intervals[k] = std::max(1, static_cast<int>(std::lround(norm(whole) / spacing)));
+      inlet.side[k] = (1.0 / inlet.intervals[k]) * whole;
     }
-  else if (!inlets.empty())
-    throw InputError("fluid.inlet: inlets exist in the plane only");
+    if constexpr (dim == 2)
+      inlet.n = -right_normal(inlet.side[0]);
+    else
+      inlet.n = cross(inlet.side[0], inlet.side[1]);
+    inlet.n *= 1.0 / norm(inlet.n);
+    inlet.row = norm(inlet.side[0]);
+    inlet.bit = SurfaceMask{1} << (31 - inlets_.size());
+    inlet.config = std::move(config);
+    driven_ |= inlet.bit;
+    inlets_.push_back(std::move(inlet));
+  }
 }
 
 template <int dim>
@@ -66,10 +119,13 @@ void Openings<dim>::first_rows(std::vector<Vec<dim>>& x, std::vector<SurfaceMask
 {
   for (const Inlet& inlet : inlets_)
     for (int row = 0; row <= driven_rows; ++row)
-      for (int k = 0; k <= inlet.intervals; ++k)
+      for (const auto& place : places(inlet.intervals))
       {
-        x.push_back(inlet.a + (k * inlet.length / inlet.intervals) * inlet.t - (row * inlet.row) * inlet.n);
-        surface.push_back(row == 0 ? 0 : inlet.bit);
+        x.push_back(inlet.a - (row * inlet.row) * inlet.n);
+        for (std::size_t k = 0; k < dim - 1; ++k)
+          x.back() += double(place[k]) * inlet.side[k];
+        surface.push_back(
+            inlet.bit); // the first row too, until it has passed: fluid that waits there would be hit
         body.push_back(-1);
       }
 }
@@ -80,9 +136,12 @@ bool Openings<dim>::behind_inlet(const Vec<dim>& x) const
   return std::any_of(inlets_.begin(), inlets_.end(),
                      [&](const Inlet& inlet)
                      {
-                       const double s = offset(inlet, x), along = dot(x - inlet.a, inlet.t);
-                       return s < 0.0 && s > -(driven_rows + 0.5) * inlet.row && along > 0.0 &&
-                              along < inlet.length;
+                       const double s = inlet.offset(x);
+                       bool within = s < 0.0 && s > -(driven_rows + 0.5) * inlet.row;
+                       const auto place = inlet.place(x);
+                       for (std::size_t k = 0; k < dim - 1; ++k)
+                         within = within && place[k] > 0.0 && place[k] < inlet.intervals[k];
+                       return within;
                      });
 }
 
@@ -109,7 +168,7 @@ bool Openings<dim>::row_due(const FluidNodes<dim>& nodes) const
     double last = 0.0;
     for (std::size_t i = 0; i < nodes.x.size(); ++i)
       if (nodes.surface[i] & inlet.bit)
-        last = std::min(last, offset(inlet, nodes.x[i]));
+        last = std::min(last, inlet.offset(nodes.x[i]));
     if (last > -(driven_rows - 1) * inlet.row)
       return true;
   }
@@ -130,22 +189,28 @@ double Openings<dim>::let_in(FluidNodes<dim>& nodes, std::vector<Simplex<dim>>& 
         const auto i = static_cast<std::size_t>(n);
         if (!(nodes.surface[i] & inlet.bit))
           continue;
-        if (offset(inlet, nodes.x[i]) >= 0.0)
+        if (inlet.offset(nodes.x[i]) >= 0.0)
           nodes.surface[i] &= ~inlet.bit;
         else
-          driven.emplace_back(offset(inlet, nodes.x[i]), n);
+          driven.emplace_back(inlet.offset(nodes.x[i]), n);
       }
       std::sort(driven.begin(), driven.end());
       const double last = driven.empty() ? 0.0 : driven.front().first;
       if (driven.empty() || last <= -(driven_rows - 1) * inlet.row)
         break;
-      std::vector<std::pair<double, index_t>> front; // by place along the opening
+      std::vector<index_t> front(inlet.nodes_per_row(), -1); // the last row, by place
       for (const auto& [s, n] : driven)
         if (s < last + 0.5 * inlet.row)
-          front.emplace_back(dot(nodes.x[static_cast<std::size_t>(n)] - inlet.a, inlet.t), n);
-      std::sort(front.begin(), front.end());
+        {
+          std::array<int, dim - 1> place;
+          const auto p = inlet.place(nodes.x[static_cast<std::size_t>(n)]);
+          for (std::size_t k = 0; k < dim - 1; ++k)
+            place[k] = std::clamp(static_cast<int>(std::lround(p[k])), 0, inlet.intervals[k]);
+          front[inlet.number(place)] = n;
+        }
+      require(std::count(front.begin(), front.end(), -1) == 0, "driven nodes keep their places");
       const index_t first = nodes.size();
-      for (const auto& [along, n] : front)
+      for (const index_t n : front)
       {
         const auto i = static_cast<std::size_t>(n);
         const Vec<dim> x = nodes.x[i] - inlet.row * inlet.n;
@@ -156,15 +221,33 @@ double Openings<dim>::let_in(FluidNodes<dim>& nodes, std::vector<Simplex<dim>>& 
         nodes.id.back() = next_id++;
         nodes.row.back() = no_row;
       }
-      for (std::size_t k = 0; k + 1 < front.size(); ++k)
+      // Between four (eight) nodes of the two rows a simplex per way along the axes, one after the other.
+      std::array<int, dim - 1> last_cell = inlet.intervals;
+      for (int& k : last_cell)
+        --k;
+      for (const auto& cell : places(last_cell))
       {
-        const index_t p = front[k].second, q = front[k + 1].second, r = first + static_cast<index_t>(k);
-        if constexpr (dim == 2) // the opening's normal is to the left of its tangent
-          for (const Simplex<2>& e : {Simplex<2>{r, r + 1, q}, Simplex<2>{r, q, p}})
+        std::array<std::size_t, dim> axes;
+        std::iota(axes.begin(), axes.end(), std::size_t{0});
+        do
+        {
+          auto place = cell;
+          bool old = false;
+          Simplex<dim> e;
+          for (std::size_t c = 0; c <= dim; ++c)
           {
-            elements.push_back(e);
-            mass += share<dim>(nodes, e, 1.0);
+            const std::size_t k = inlet.number(place);
+            e[c] = old ? front[k] : first + static_cast<index_t>(k);
+            if (c < dim && axes[c] == dim - 1)
+              old = true;
+            else if (c < dim)
+              ++place[axes[c]];
           }
+          if (signed_volume<dim, double>(corners<dim>(nodes.x, e, nodes.period)) < 0.0)
+            std::swap(e[0], e[1]);
+          elements.push_back(e);
+          mass += share<dim>(nodes, e, 1.0);
+        } while (std::next_permutation(axes.begin(), axes.end()));
       }
     }
   return mass;

@@ -13,12 +13,13 @@
 namespace undine::fluid
 {
 
-/// 2-D: fluid enters through the segment a → b, to its left.
+/// 2-D: fluid enters through the segment a → b, to its left; 3-D: through the rectangle with the corner a and
+/// the sides a → b and a → c, along (b − a) × (c − a).
 struct InletConfig
 {
   std::string name;
-  std::array<double, 3> a{}, b{}; ///< ends of the opening [m]
-  std::vector<Expression> speed;  ///< one function of t [m/s]
+  std::array<double, 3> a{}, b{}, c{}; ///< [m]
+  std::vector<Expression> speed;       ///< one function of t [m/s]
 };
 
 /// Nodes that are found in this box at a remesh leave the run.
@@ -57,12 +58,19 @@ private:
   struct Inlet
   {
     InletConfig config;
-    Vec<dim> a{}, t{}, n{}; ///< end, unit tangent, unit normal into the domain
-    double length = 0.0, row = 0.0;
-    int intervals = 1;
+    Vec<dim> a{}, n{};                    ///< corner, unit normal into the domain
+    std::array<Vec<dim>, dim - 1> side;   ///< from one node of a row to the next
+    std::array<int, dim - 1> intervals{}; ///< of a row
+    double row = 0.0;                     ///< distance of rows
     SurfaceMask bit = 0;
+
+    double offset(const Vec<dim>& x) const { return dot(x - a, n); }
+    /// Place in a row, in intervals along each side.
+    std::array<double, dim - 1> place(const Vec<dim>& x) const;
+    /// Number in a row of the node at that place.
+    std::size_t number(const std::array<int, dim - 1>& place) const;
+    std::size_t nodes_per_row() const;
   };
-  double offset(const Inlet& inlet, const Vec<dim>& x) const { return dot(x - inlet.a, inlet.n); }
   std::vector<Inlet> inlets_;
   std::vector<OutletConfig> outlets_;
   SurfaceMask driven_ = 0;

@@ -170,8 +170,7 @@ void Fluid<dim>::remesh()
   v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
-  if (config_.feedback_time > 0.0)
-    hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
+  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
   find_ghosts();
 
   ++ledger_.remeshes;

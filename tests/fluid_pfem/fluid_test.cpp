@@ -1,13 +1,16 @@
 // The fluid as a whole: conservation, rest, stability.
+#include "common/error.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 
 #include <catch2/catch.hpp>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <random>
+#include <string>
 #include <type_traits>
 
 using namespace undine;
@@ -248,4 +251,40 @@ TEST_CASE("results do not depend on the number of threads", "[fluid][unit]")
     CHECK(same(one, run(column, std::integral_constant<int, 2>{}, threads)));
     CHECK(same(one_in_space, run(box, std::integral_constant<int, 3>{}, threads)));
   }
+}
+
+// A node is thrown through its neighbours, and nobody remeshes: ten steps with a negative volume are waited
+// for (the next look at the mesh may heal them), the eleventh ends the run.
+TEMPLATE_TEST_CASE_SIG("elements that stay turned over end the run and are named", "[fluid][unit]",
+                       ((int dim), dim), 2, 3)
+{
+  Fluid<dim> fluid(box_config<dim>(0.25));
+  const auto& nodes = fluid.nodes();
+  std::size_t inner = 0;
+  for (std::size_t n = 0; n < nodes.x.size(); ++n)
+    if (nodes.flag[n] == 0)
+      inner = n;
+  std::vector<Vec<dim>> v(nodes.x.size());
+  v[inner][0] = 20000.0;
+  fluid.set_velocity(v);
+  int steps = 0, negative = 0;
+  std::string message;
+  while (message.empty() && steps < 1000)
+    try
+    {
+      step(fluid, 5e-6);
+      ++steps;
+      negative += *std::min_element(nodes.V.begin(), nodes.V.end()) < 0.0;
+    }
+    catch (const NumericalError& error)
+    {
+      CHECK(error.code() == ExitCode::numerical_failure);
+      message = error.what();
+    }
+  CAPTURE(message);
+  CHECK(negative == 10);
+  for (const std::string& part : {fmt::format("fluid step {}, t = ", steps + 1), std::string("element "),
+                                  std::string(" m has the volume -"), std::string("turned over for 11 steps"),
+                                  std::string("velocity"), std::string("pressure")})
+    CHECK_THAT(message, Catch::Contains(part));
 }

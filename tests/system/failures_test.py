@@ -87,6 +87,17 @@ class Failures(FailureTest):
         self.expect(ended, MARGIN, (137,), ["rank 2", "exited on signal 9"], errors=0)
         self.frames_are_whole()
 
+    def test_a_blow_up_names_the_element_and_leaves_the_last_state(self):
+        """A collapsing column that nobody meshes again: elements turn over and stay so."""
+        case = programs.ROOT / "cases" / "dam_break" / "case.toml"
+        line = [programs.program("fluid"), str(case), "--out", str(self.out), "--set", "run.resolution=10", "--set", "fluid.look_every=1000000"]
+        ended = programs.run(line, MARGIN)
+        self.expect(ended, MARGIN, (10,), ["element", "has the volume -", "fluid step", "the last state is the last frame of fluid.h5"], program="fluid")
+        with h5py.File(self.out / "fluid.h5") as h5:
+            last = h5["frames"][max(h5["frames"])]
+            self.assertIn(f"t = {last.attrs['time']:.9g} s", ended.text.split("fluid.h5")[-1])
+            self.assertGreater(float(last.attrs["time"]), 0.0)
+
     def test_a_full_disk_under_the_fluid(self):
         fluid = [*SMALL_DISK, "200000", programs.program("fluid"), str(programs.COLUMN), "--out", str(self.out), *LONG]
         ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *LONG, fluid=fluid), 20 + MARGIN)
