@@ -195,8 +195,16 @@ void CouplerOutput::write_summary(const std::string& status) const
   s.set("conservation.momentum_drift_definition",
         "norm of the sum of the impulses on both sides over the larger of them");
   s.set("conservation.velocity_jump", largest_jump_);
+  s.set("conservation.velocity_jump_definition",
+        "largest difference of the velocities of both sides at the ends of windows [m/s]");
   s.set("conservation.displacement_gap", largest_gap_);
+  s.set("conservation.displacement_gap_definition",
+        "largest integral of that difference over the fine steps, or depth in contact [m]");
   s.set("conservation.activation_loss", balance_.activation_loss / scale);
+  s.set(
+      "conservation.activation_loss_definition",
+      "kinetic energy lost where velocities were made to fit, at the start and after remeshes, over the same "
+      "energy");
   s.set("coupler.wall_s", wall);
   s.set("coupler.wait_s", coupler_wait_);
   s.set("coupler.share", wall > 0.0 ? 1.0 - coupler_wait_ / wall : 0.0);

@@ -137,6 +137,7 @@ def program(name, *arguments):
 
 
 def speed(sizes):
+    load = os.getloadavg()[0]
     lines = ["# The solid: time per element and step", "",
              "`scripts/benchmark solid --parts speed`: `build/release/tests/solid_speed`, whole steps (predict, forces, solve), one core, best of five times 20 steps; STREAM's triad in the same run. *bytes*: what a "
              "step has to read and write at least per element (geometry, node numbers, history twice, ten passes over the nodes' vectors), and *of the triad* that over the time, in bandwidths "
@@ -145,7 +146,12 @@ def speed(sizes):
         triad, *table = program("solid_speed", int(size)).strip().splitlines()
         lines += [f"## {size:.0e} elements".replace("e+0", "e"), "", f"{triad[0].upper()}{triad[1:]}.", "", *table, ""]
     lines += ["## Work that is left out", "", "ns per element and step of the whole solid, 1e5 elements, one point, two solids in turn, medians of nine. The answers are the same: `tests/solid_fe/skips_test.cpp`, "
-              "`plasticity_test.cpp`.", "", *program("solid_speed", "--skips", 100000).strip().splitlines(), ""]
+              "`plasticity_test.cpp`.", "", *program("solid_speed", "--skips", 100000).strip().splitlines(), "",
+              "## Broad phase of contact", "", "Looking for the facets near each node anew, on two flat surfaces that face each other: the grid of `solid_fe/contact.cpp` beside CGAL's AABB tree "
+              "(build and box queries) on the same facets, `build/release/tests/solid_contact_search`, medians of eleven in turn, CPU time. It happens when a node of either side has moved by a quarter of a facet.", "",
+              *program("solid_contact_search").strip().splitlines(), ""]
+    lines.insert(3, f"Load average of the machine ({os.cpu_count()} cores) when this began and ended: {load:.1f}, {os.getloadavg()[0]:.1f}; above 1 per core times are too long, ratios and fractions of the triad less so.")
+    lines.insert(4, "")
     (DOCS / "solid_speed.md").write_text("\n".join(lines))
 
 

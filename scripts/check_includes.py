@@ -21,7 +21,7 @@ SOURCES = (".cpp", ".hpp", ".inc")
 # Library headers that only these files may include (in the programs and in common; tests are free).
 CONFINED = [
     (r"CGAL/", ("fluid_pfem/remesh/delaunay_2d.cpp", "fluid_pfem/remesh/delaunay_3d.cpp")),
-    (r"toml(\.hpp|11/)", ("common/config/case_file.cpp",)),
+    (r"toml(\.hpp|11/)", ("common/config/toml_tree.cpp",)),
     (r"hdf5\.h", ("common/io/frames.cpp", "common/io/state_archive.cpp", "common/io/hdf5_handle.hpp")),
     (r"CLI/", ("common/config/command_line.cpp",)),
     (r"mpi\.h", ("common/coupling/*", "common/parallel/*", "common/program/*", "*/main.cpp")),

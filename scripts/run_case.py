@@ -339,6 +339,7 @@ def main():
         return code
     shutil.rmtree(earlier)
     summary = collect_summary(out, programs, code, time.monotonic() - begin)
+    summary["case"], summary["set"] = str(case.resolve()), args.set
     summary["comparisons"] = compare.compare_all(case, settings, out) if code == 0 else []
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     if code == 3:

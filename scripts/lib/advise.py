@@ -9,6 +9,10 @@ from .case import by_part, parts, value_of
 
 # Upper figures per node and step, remeshing included (docs/benchmarks); an estimate, not a promise.
 SECONDS_PER_NODE_STEP = {("fluid", 2): 1.5e-7, ("fluid", 3): 1.0e-6, ("solid", 2): 1.0e-7, ("solid", 3): 2.5e-7}
+# Bytes of memory per node, the remesh included, and of a frame (32-bit numbers; tetrahedra in space); of a program without nodes.
+MEMORY_PER_NODE = {("fluid", 2): 1.5e3, ("fluid", 3): 4e3, ("solid", 2): 1e3, ("solid", 3): 3e3}
+FRAME_PER_NODE = {("fluid", 2): 56, ("fluid", 3): 120, ("solid", 2): 100, ("solid", 3): 340}
+MEMORY_OF_PROGRAM, FRAME_OVERHEAD = 4e7, 4e3
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1), "back": (2, 0), "front": (2, 1)}  # axis, end
 
 
@@ -179,7 +183,31 @@ def costs(settings, facts):
 
 
 def estimate(settings, facts):
-    return [f"estimate: {program} about {steps:.0f} steps of {nodes:.0f} nodes, up to {duration(seconds)} of computing" for program, steps, nodes, seconds in costs(settings, facts)]
+    lines = [f"estimate: {program} about {steps:.0f} steps of {nodes:.0f} nodes, up to {duration(seconds)} of computing" for program, steps, nodes, seconds in costs(settings, facts)]
+    known = {program: ("fluid" if program == "fluid" else "solid", int(value_of(settings, "run.dimension") or 2), f["nodes"]) for program, f in facts.items() if f.get("nodes")}
+    steps = {program: f["step"] for program, f in facts.items() if f.get("step")}
+    t_end = number(value_of(settings, "run.t_end"))
+    if settings.get("interface") and len(steps) > 1 and t_end:
+        contact = any(interface.get("separation") for interface in settings["interface"])
+        fine = min(steps, key=steps.get)
+        most = 1 if contact else number(value_of(settings, "coupling.substeps")) or value_of(settings, "coupling.substeps_max") or 300
+        longest = min([max(steps.values()), most * steps[fine]] + [limit for limit in [number(value_of(settings, "coupling.dt_max"))] if limit])
+        count = math.ceil(longest / steps[fine] * (1.0 - 1e-9))
+        lines.append(f"estimate: about {math.ceil(t_end / longest)} windows of {count} " + (f"sub-steps of the {fine}" if count > 1 else "step"))
+    if known:
+        memory = MEMORY_OF_PROGRAM * len(facts) + sum(nodes * MEMORY_PER_NODE[part, dim] for part, dim, nodes in known.values())
+        every = number(value_of(settings, "output.every"))
+        frames = 0 if value_of(settings, "output.frames") is False or not (every and t_end) else int(t_end / every * (1 + 1e-9)) + 1
+        size = frames * sum(FRAME_OVERHEAD + nodes * FRAME_PER_NODE[part, dim] for part, dim, nodes in known.values())
+        lines.append(f"estimate: {amount(memory)} of memory, {frames} frames of {amount(size)} in all")
+    return lines
+
+
+def amount(size):
+    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= unit:
+            return f"{size / unit:.2g} {name}" if size < 100 * unit else f"{size / unit:.0f} {name}"
+    return f"{size:.0f} B"
 
 
 def duration(seconds):

@@ -8,6 +8,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.collections import LineCollection, PolyCollection  # noqa: E402
 from PIL import Image  # noqa: E402
@@ -17,13 +18,32 @@ COLOURS = {"pressure": "viridis", "velocity": "turbo", "density": "cividis", "vo
 FALLBACK = ("velocity", "displacement", "pressure")  # if a program does not write the default field
 
 
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+
+
+def walls_of(settings):
+    """Lines of the rigid walls of a plane case that do not move, as arrays (n, 2) [m]."""
+    fluid = settings.get("fluid") or {}
+    lines = []
+    for wall in fluid.get("wall", []):
+        if "displacement" in wall or "angle" in wall or int(settings.get("run", {}).get("dimension", 2)) != 2:
+            continue
+        points = np.reshape(wall.get("points", []), (-1, 2))
+        if len(wall.get("box", [])) == 4:
+            x0, y0, x1, y1 = wall["box"]
+            points = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+        if len(points) > 1:
+            lines.append(np.vstack([points, points[:1]]) if wall.get("closed") or "box" in wall else points)
+    return lines
+
+
 class Picture:
     """How a run is drawn: its parts, their fields and ranges, the window and the view, the same in every frame."""
 
-    def __init__(self, parts, fields=None, ranges=None, view=(35.0, 20.0), window=None):
+    def __init__(self, parts, fields=None, ranges=None, view=(35.0, 20.0), window=None, walls=()):
         """`fields` and `ranges`: {"fluid": ..., "solid": ...}, what is absent is chosen; `view`: azimuth and elevation in degrees (space);
-        `window`: (x0, x1, y0, y1) in m."""
-        self.parts = parts
+        `window`: (x0, x1, y0, y1) in m; `walls`: lines of walls_of()."""
+        self.parts, self.walls = parts, walls
         self.fields, self.ranges, self.units = {}, {}, {}
         first = {part: frames.read(0) for part, frames in parts.items()}
         for part, frames in parts.items():
@@ -88,6 +108,8 @@ class Picture:
         return mappables, shown
 
     def _draw_plane(self, ax, layers, mappables):
+        for wall in self.walls:
+            ax.plot(wall[:, 0], wall[:, 1], color="0.5", linewidth=1.6, zorder=0.5)
         for part, frame, seen, triangles, values in layers:
             if len(triangles):
                 ax.tripcolor(seen[:, 0], seen[:, 1], triangles, values, shading="gouraud", norm=mappables[part].norm, cmap=mappables[part].cmap)
@@ -111,13 +133,14 @@ class Picture:
             colour = np.concatenate(colours)[order]
             ax.add_collection(PolyCollection(np.concatenate(polygons)[order], facecolors=colour, edgecolors=colour, linewidths=0.15))
 
-    def label(self, part):
-        return f"{part}: {self.fields[part].replace('_', ' ')}" + (f" [{self.units[part]}]" if self.units[part] else "")
-
     def finish(self, figure, axes, mappables):
-        """Colour bars and names of the axes."""
+        """Colour bars and names of the axes; pressures and stresses in Pa, kPa, MPa or GPa."""
         for part, mappable in mappables.items():
-            figure.colorbar(mappable, ax=axes, shrink=0.7, label=self.label(part), location="bottom" if self.aspect > 1.2 else "right", aspect=30, fraction=0.06)
+            unit = self.units[part]
+            scale, prefix = next(((s, p) for s, p in PREFIXES if max(map(abs, self.ranges[part])) >= 2.0 * s), PREFIXES[-1]) if unit == "Pa" else PREFIXES[-1]
+            label = f"{part}: {self.fields[part].replace('_', ' ')}" + (f" [{prefix}{unit}]" if unit else "")
+            figure.colorbar(mappable, ax=axes, shrink=0.7, label=label, location="bottom" if self.aspect > 1.2 else "right", aspect=30, fraction=0.06,
+                            format=matplotlib.ticker.FuncFormatter(lambda value, _, scale=scale: f"{value / scale:.6g}"))
 
     def times(self):
         """Times at which the part with most frames has one."""
@@ -156,7 +179,7 @@ def draw_frames(picture, path, times=None, dpi=110):
         for ax in axes[:, 0]:
             ax.set_ylabel("y [m]")
     picture.finish(figure, axes.ravel().tolist(), mappables)
-    figure.savefig(path, dpi=dpi)
+    figure.savefig(path, dpi=dpi, bbox_inches="tight", pad_inches=0.08)
     plt.close(figure)
 
 

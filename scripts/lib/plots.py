@@ -15,16 +15,16 @@ def draw_all(case, settings, out):
     draw_probes(settings, out)
     draw_energy(out)
     if parts := frames.open_parts(out):
-        write_paraview_view(draw_pictures(parts, out / "plots"), out)
+        write_paraview_view(draw_pictures(parts, out / "plots", pictures.walls_of(settings)), out)
 
 
-def draw_pictures(parts, folder):
+def draw_pictures(parts, folder, walls=()):
     """frames.png: pressure and von Mises stress; frames_velocity.png; animation.gif. Returns the first picture."""
-    picture = pictures.Picture(parts)
+    picture = pictures.Picture(parts, walls=walls)
     pictures.draw_frames(picture, folder / "frames.png")
     pictures.draw_animation(picture, folder / "animation.gif")
     if "fluid" in parts:
-        pictures.draw_frames(pictures.Picture(parts, fields={"fluid": "velocity"}, window=picture.window), folder / "frames_velocity.png")
+        pictures.draw_frames(pictures.Picture(parts, fields={"fluid": "velocity"}, window=picture.window, walls=walls), folder / "frames_velocity.png")
     return picture
 
 

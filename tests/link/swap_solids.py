@@ -2,6 +2,7 @@
 """Run the cases of other solids and compare their curves with each other, with solid_fe and with the exact solutions.
 
 Example: swap_solids.py --build build/release plate getfem
+         swap_solids.py --build build/release --picture docs/pictures/foreign_solids.png     (minutes; needs GetFEM and FEniCSx)
 
 plate   a plate on springs in C, Fortran and Python under water: the three curves differ by no bit, because all do the same
         sums in the same order on the same machine; 1e-12 leaves room for another compiler's fused operations. The case's
@@ -178,14 +179,44 @@ def user(build, folder):
     expect_comparisons(summary, "user subroutines under a stub")
 
 
+def picture(build, folder, path):
+    """The curves of GetFEM and FEniCSx over those of solid_fe, and their differences, each solid with its own step."""
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    ours, _ = run(build, "swap_getfem_column", folder / "ours", *OURS)
+    column = {"GetFEM": run(build, "swap_getfem_column", folder / "getfem")[0], "FEniCSx": run(build, "swap_dolfinx_column", folder / "dolfinx")[0]}
+    theirs, tip = tips(build, folder / "gate", "--until", "0.13")  # past the peak
+    figure, axes = plt.subplots(2, 2, figsize=(10, 5), dpi=90, sharex="col", height_ratios=(2, 1), constrained_layout=True)
+    for axis, title, what, base, others in ((axes[:, 0], "elastic column: displacement of the interface", "u_y[m]", ours, column),
+                                            (axes[:, 1], "elastic gate in contact: displacement of its free end", "u_x[m]", tip, {"GetFEM": theirs})):
+        axis[0].plot(base["t[s]"], 1e3 * base[what], color="0.7", linewidth=4, label="solid_fe")
+        for style, (name, curve) in zip(("-", "--"), others.items()):
+            axis[0].plot(curve["t[s]"], 1e3 * curve[what], style, linewidth=1.2, label=name)
+            axis[1].plot(curve["t[s]"], 1e6 * (curve[what] - np.interp(curve["t[s]"], base["t[s]"], base[what])), style, linewidth=1.0, label=name)
+        axis[0].set(title=title, ylabel="mm")
+        axis[1].set(xlabel="t [s]", ylabel="less solid_fe [µm]")
+        axis[0].legend(frameon=False)
+        for a in axis:
+            a.grid(alpha=0.3)
+    figure.savefig(path)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build/release", help="build folder")
-    parser.add_argument("what", nargs="+", choices=["plate", "force", "user", "getfem", "dolfinx", "gate", "gate_peak"])
+    parser.add_argument("--picture", metavar="FILE", help="draw the curves of GetFEM and FEniCSx over ours")
+    checks = ["plate", "force", "user", "getfem", "dolfinx", "gate", "gate_peak"]
+    parser.add_argument("what", nargs="*", metavar="what", help=" ".join(checks))
     arguments = parser.parse_args()
+    if unknown := set(arguments.what) - set(checks):
+        parser.error(f"no such comparison: {' '.join(unknown)}; choose from {' '.join(checks)}")
+    build = str(Path(arguments.build).resolve())
     with tempfile.TemporaryDirectory(prefix="undine_swap_") as folder:
         for what in arguments.what:
-            globals()[what](str(Path(arguments.build).resolve()), Path(folder))
+            globals()[what](build, Path(folder))
+        if arguments.picture:
+            picture(build, Path(folder), arguments.picture)
     return 1 if bad else 0
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The law of docs/new_law.md works as it stands there.
 
-    new_law_test.py COMPILER [FLAG ...]     its element loops compile, in all elements
+    new_law_test.py COMPILER [FLAG ...]     its element loops compile, in all elements; at small strain it is linear elasticity
     new_law_test.py --build                 in a copy of the tree: built, tests of the laws, a case (minutes)
 """
 import os
@@ -24,12 +24,42 @@ def run(command, **options):
     return done.stdout
 
 
+# Relative size of the nonlinear terms: |H| = 1e-7.
+SMALL_STRAIN = """
+#include "yeoh.hpp"
+#include "solid_fe/materials/linear.hpp"
+#include <cstdio>
+using namespace undine;
+template <int dim>
+double worst()
+{
+  const solid::MaterialConfig config{.density = 1.0, .youngs_modulus = 1.0, .poisson_ratio = 0.3, .law = "yeoh"};
+  const auto law = solid::Yeoh::from(config);
+  const solid::Linear linear{solid::elastic_constants(1.0, 0.3)};
+  Mat<dim> H;
+  for (int i = 0; i < dim; ++i)
+    for (int j = 0; j < dim; ++j)
+      H(i, j) = 1e-7 * (i == j ? 1.0 + 0.3 * i : 0.4 - 0.7 * j);
+  const auto expected = linear.first_piola(H), difference = law.first_piola(H) - expected;
+  return std::sqrt(contract(difference, difference) / contract(expected, expected));
+}
+int main()
+{
+  std::printf("%.2e %.2e\\n", worst<2>(), worst<3>());
+  return worst<2>() < 1e-6 && worst<3>() < 1e-6 ? 0 : 1;
+}
+"""
+
+
 def compile_only(compiler):
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "yeoh.hpp").write_text(LAW)
         Path(folder, "yeoh.cpp").write_text('#include "yeoh.hpp"\n#include "solid_fe/kernels/element_kernels.hpp"\nnamespace undine::solid\n{\n'
                                             "UNDINE_INSTANTIATE_LAW_IN(2, Yeoh)\nUNDINE_INSTANTIATE_LAW_IN(3, Yeoh)\n}\n")
         run([*compiler, "-std=c++20", "-Wall", "-Wextra", "-Wno-psabi", "-Werror", "-fsyntax-only", "-I", folder, "-I", str(ROOT), str(Path(folder, "yeoh.cpp"))])
+        Path(folder, "small.cpp").write_text(SMALL_STRAIN)
+        run([*compiler, "-std=c++20", "-Wno-psabi", "-I", folder, "-I", str(ROOT), str(Path(folder, "small.cpp")), "-o", str(Path(folder, "small"))])
+        print("difference from linear elasticity at small strain, plane and space:", run([str(Path(folder, "small"))]).strip())
 
 
 def build():
@@ -45,8 +75,8 @@ def build():
         lists.write_text(lists.read_text().replace("    johnson_cook JohnsonCook\n", "    johnson_cook JohnsonCook\n" + LINE))
         binary = Path(folder, "build")
         run(["cmake", "-S", str(tree), "-B", str(binary), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O1"])
-        run(["cmake", "--build", str(binary), "-j", str(os.cpu_count()), "--target", "test_solid_unit", "solid_fe"])
-        tests = next(binary.rglob("test_solid_unit"))
+        run(["cmake", "--build", str(binary), "-j", str(os.cpu_count()), "--target", "test_solid_laws", "solid_fe"])
+        tests = next(binary.rglob("test_solid_laws"))
         for name in ("the first Piola stress*", "energy and stress*", "a rigid rotation gives no stress*", "all laws agree*", "the wave modulus*", "the tangent bound*",
                      "plane strain is the 3-D law*"):
             print(run([str(tests), name]).strip().splitlines()[-1])

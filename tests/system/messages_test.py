@@ -192,6 +192,10 @@ class Messages(unittest.TestCase):
             with self.subTest(entry[1]):
                 self.assertEqual(code, 0, text)
                 self.assertNotIn("advice:", text)
+                self.assertRegex(text, r"estimate: (fluid|solid) about \d+ steps of \d+ nodes, up to .* of computing")
+                self.assertRegex(text, r"estimate: [\d.]+ MB of memory, \d+ frames of [\d.]+ [kM]?B in all")
+                if entry[1] == COLUMN:  # 2081 windows of 95 sub-steps in docs/benchmarks/column_convergence.md
+                    self.assertRegex(text, r"estimate: about 20[78]\d windows of 95 sub-steps of the fluid")
 
 
 def write_page(path):
