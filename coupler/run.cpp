@@ -92,7 +92,7 @@ public:
     const bool asked = side_[0]->stop_requested() || side_[1]->stop_requested();
     if (persistence_.checkpoints == nullptr)
       return asked;
-    if (possible_ && (asked || persistence_.checkpoints->due(t)))
+    if (const Checkpoints& c = *persistence_.checkpoints; possible_ && (asked || c.due(t) || c.due_now()))
       write(t, windows);
     return asked || !persistence_.checkpoints->stop_reason().empty();
   }

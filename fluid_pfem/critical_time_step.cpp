@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <tuple>
 #include <type_traits>
 
 namespace undine::fluid
@@ -115,7 +116,7 @@ private:
 /// Square of the highest frequency, bounded by [6] without damping [1/s²].
 template <int dim, bool wraps>
 double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                             double floor, const Team& team, StepWorkspace& workspace)
+                             double floor, const Team& team, Halo& halo, StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
   // Column sums times the stiffness of their node.
@@ -134,6 +135,7 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
                          std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
         }
       });
+  halo.update(stiffness);
   workspace.largest.assign(team.shares().size(), 0.0);
   team.each(
       [&](const Share& share)
@@ -158,31 +160,26 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
 
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& viscosity, double floor, const Team& team,
+                          const ElementTermsConfig& viscosity, double floor, const Team& team, Halo& halo,
                           StepWorkspace& workspace)
 {
-  const double omega_squared =
-      nodes.period.any() ? largest_omega_squared<dim, true>(mesh, nodes, tait, floor, team, workspace)
-                         : largest_omega_squared<dim, false>(mesh, nodes, tait, floor, team, workspace);
-  if (!(omega_squared > 0.0))
-    return std::numeric_limits<double>::max();
-  double dt = 2.0 / std::sqrt(omega_squared);
-  if (viscosity.none())
-    return dt;
+  double omega_squared =
+      nodes.period.any() ? largest_omega_squared<dim, true>(mesh, nodes, tait, floor, team, halo, workspace)
+                         : largest_omega_squared<dim, false>(mesh, nodes, tait, floor, team, halo, workspace);
 
   double xi = viscosity.bulk_linear;
   std::vector<double>& shear = workspace.shear; // row sums [kg/s]
   shear.assign(viscosity.mu > 0.0 ? nodes.x.size() : 0, 0.0);
   const bool depends_on_elements = viscosity.mu > 0.0 || viscosity.bulk_quadratic > 0.0;
   const double c0 = tait.sound_speed(tait.rho0);
-  for (const auto& e : std::span(mesh.elements).first(depends_on_elements ? mesh.elements.size() : 0))
+  const auto see = [&](const Simplex<dim>& e, const Share& share, bool own)
   {
     const auto x = corners<dim>(nodes.x, e, nodes.period);
     Mat<dim> V_grad_v;
     double V2_grad_N2 = 0.0, V_grad_N_sum = 0.0;
     const double V = signed_volume<dim, double>(x);
     if (!(V > 0.0))
-      continue;
+      return;
     const auto V_grad_N = volume_gradients<dim, double>(x);
     for (std::size_t a = 0; a <= dim; ++a)
     {
@@ -192,16 +189,34 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     }
     const double height = V / std::sqrt(V2_grad_N2), div_v = trace(V_grad_v) / V;
     const double b2 = viscosity.bulk_quadratic;
-    xi = std::max(xi, viscosity.bulk_linear + b2 * b2 * height * std::max(-div_v, 0.0) / c0);
+    if (own)
+      xi = std::max(xi, viscosity.bulk_linear + b2 * b2 * height * std::max(-div_v, 0.0) / c0);
     // vᵀK v = ∫2μ |dev ε|² ≤ ∫2μ |∇v|²: at most twice the Laplacian, of which this is the row sum.
     if (viscosity.mu > 0.0)
       for (std::size_t a = 0; a <= dim; ++a)
-        shear[static_cast<std::size_t>(e[a])] +=
-            2.0 * viscosity.mu * viscous_fraction<dim>(V, V2_grad_N2) * norm(V_grad_N[a]) * V_grad_N_sum / V;
+        if (share.owns(e[a]))
+          shear[static_cast<std::size_t>(e[a])] += 2.0 * viscosity.mu * viscous_fraction<dim>(V, V2_grad_N2) *
+                                                   norm(V_grad_N[a]) * V_grad_N_sum / V;
+  };
+  for (const Share& share : std::span(team.shares()).first(depends_on_elements ? team.shares().size() : 0))
+  {
+    for (const index_t e : share.before)
+      see(mesh.elements[static_cast<std::size_t>(e)], share, false);
+    for (index_t e = share.element_begin; e < share.element_end; ++e)
+      see(mesh.elements[static_cast<std::size_t>(e)], share, true);
   }
   double lambda = 0.0;
   for (std::size_t n = 0; n < shear.size(); ++n)
     lambda = std::max(lambda, shear[n] / nodes.inertia[n]);
+
+  std::array<double, 3> bounds{omega_squared, xi, lambda};
+  team.ranks().max(bounds);
+  std::tie(omega_squared, xi, lambda) = std::tie(bounds[0], bounds[1], bounds[2]);
+  if (!(omega_squared > 0.0))
+    return std::numeric_limits<double>::max();
+  double dt = 2.0 / std::sqrt(omega_squared);
+  if (viscosity.none())
+    return dt;
   dt *= std::sqrt(1.0 + xi * xi) - xi;
   if (lambda > 0.0)
     dt = std::min(dt, 2.0 / lambda);
@@ -209,8 +224,8 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
 }
 
 template double critical_time_step<2>(const FluidMesh<2>&, const FluidNodes<2>&, const Tait&,
-                                      const ElementTermsConfig&, double, const Team&, StepWorkspace&);
+                                      const ElementTermsConfig&, double, const Team&, Halo&, StepWorkspace&);
 template double critical_time_step<3>(const FluidMesh<3>&, const FluidNodes<3>&, const Tait&,
-                                      const ElementTermsConfig&, double, const Team&, StepWorkspace&);
+                                      const ElementTermsConfig&, double, const Team&, Halo&, StepWorkspace&);
 
 } // namespace undine::fluid

@@ -1,6 +1,7 @@
 // The largest stable time step of the fluid.
 #pragma once
 
+#include "common/parallel/halo.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
@@ -25,10 +26,11 @@ struct StepWorkspace
 /// with the damping ratio ξ of the bulk viscosity, and Δt ≤ 2/λ of the shear viscosity. Rigorous for the
 /// undamped operator, and finite on interior slivers: it sees the faces of elements, never their volume.
 /// @param floor least volume of a node over the regular one, as in update_density_and_pressure
-/// @returns [s]
+/// @param halo of the nodes; x is right on ghosts, and v where a viscous term needs it
+/// @returns [s], the same on all ranks. Collective.
 template <int dim>
 double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes, const Tait& tait,
-                          const ElementTermsConfig& terms, double floor, const Team& team,
+                          const ElementTermsConfig& terms, double floor, const Team& team, Halo& halo,
                           StepWorkspace& workspace);
 
 } // namespace undine::fluid

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 
 namespace undine::fluid
 {
@@ -39,8 +40,17 @@ double third(const Vec<dim>& x)
 } // namespace
 
 template <int dim>
-Fluid<dim>::Fluid(const FluidConfig& config) : config_(config), team_(config.threads)
+Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks)
+    : config_(config), team_(config.threads, ranks)
 {
+  const bool impedance = std::any_of(config.walls.begin(), config.walls.end(),
+                                     [](const WallConfig& wall) { return wall.kind == WallKind::impedance; });
+  if (!ranks.alone() && (impedance || !config.inlets.empty() || !config.outlets.empty()))
+    throw InputError(fmt::format("{}: works on one rank of fluid_pfem, not on {}; start it with -n 1",
+                                 impedance                ? "fluid.wall: kind = \"impedance\""
+                                 : !config.inlets.empty() ? "fluid.inlet"
+                                                          : "fluid.outlet",
+                                 ranks.size()));
   surfaces_ = body_surfaces<dim>(config);
   wall_kind_.assign(surfaces_.size(), WallKind::slip);
   for (const WallConfig& wall : config.walls)
@@ -129,11 +139,12 @@ template <int dim>
 void Fluid<dim>::predict_velocity(double dt)
 {
   t_ += dt;
+  collected_ = ranks().alone();
   team_.each([&](const Share& share) { kick(dt, share.node_begin, share.node_end); });
   if (!contact_.empty())
   {
     contact_.move_to(t_);
-    wall_work_ += push_off_walls(dt);
+    push_off_walls(dt);
   }
 }
 
@@ -148,9 +159,9 @@ void Fluid<dim>::kick(double dt, index_t begin, index_t end)
 }
 
 template <int dim>
-double Fluid<dim>::push_off_walls(double dt)
+void Fluid<dim>::push_off_walls(double dt)
 {
-  return contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_);
+  contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_);
 }
 
 template <int dim>
@@ -169,13 +180,24 @@ void Fluid<dim>::predict_position(double dt)
         }
         fastest_[team_.number(share)] = fastest;
       });
-  const double fastest = *std::max_element(fastest_.begin(), fastest_.end());
-  travelled_ += dt * std::sqrt(fastest);
-  if (!contact_.empty() && contact_.candidates_expired(dt * std::sqrt(fastest)))
-    contact_.find_candidates(nodes_.x, config_.element_size);
-  if (!solid_.empty())
-    travel_ += dt * (std::sqrt(fastest) + 2.0 * solid_.speed());
+  halo_.update(nodes_.x);
+  const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));
+  if (ranks().alone())
+    move_on(dt, speed);
+  else
+    moves_.push_back({dt, speed});
+  if (!contact_.empty() && contact_.candidates_expired(dt * speed))
+    contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
   dt_before_ = dt;
+}
+
+/// The fastest node of all has moved at `speed` for `dt`.
+template <int dim>
+void Fluid<dim>::move_on(double dt, double speed)
+{
+  travelled_ += dt * speed;
+  if (!solid_.empty())
+    travel_ += dt * (speed + 2.0 * solid_.speed());
 }
 
 /// @returns a node whose elements have turned over, or −1
@@ -208,7 +230,7 @@ void Fluid<dim>::add_element_forces(double dt, const index_t* list, index_t begi
   const double power = fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), gravity(),
                                                       dt, list, begin, end, share, sums_);
   if (list == nullptr)
-    sums_.heat[static_cast<std::size_t>(begin / element_block)] += power;
+    sums_.heat[static_cast<std::size_t>(begin / element_block)] += dt * power;
 }
 
 template <int dim>
@@ -230,9 +252,8 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
-  std::fill(nodes_.V.begin(), nodes_.V.end(), 0.0);
-  std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0);
-  if (n_wet_ == 0)
+  std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
+  if (!has_interface())
     return;
   const Share whole{.node_begin = 0, .node_end = nodes_.size()};
   add_element_volumes<dim>(mesh_, nullptr, 0, e_layer_, whole, nodes_);
@@ -257,7 +278,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
       {
         index_t bad = -1;
         sweep(
-            mesh_, share, e_layer_, n_layer_,
+            mesh_, share, has_interface(), e_layer_, n_layer_,
             [&](const index_t* list, index_t begin, index_t end)
             { add_element_volumes<dim>(mesh_, list, begin, end, share, nodes_); },
             [&](index_t begin, index_t end)
@@ -268,6 +289,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
         bad_[team_.number(share)] = bad;
       });
   check_state(*std::max_element(bad_.begin(), bad_.end()));
+  halo_.update(sums_.record, nodes_.m);
 
   // Where nothing else acts on single nodes, their acceleration is used while it is in the cache.
   const bool plain = config_.body_force.empty() && constrained_.empty() && impedance_.empty() &&
@@ -276,7 +298,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
       [&](const Share& share)
       {
         sweep(
-            mesh_, share, e_wet_, n_wet_,
+            mesh_, share, has_interface(), e_wet_, n_wet_,
             [&](const index_t* list, index_t begin, index_t end)
             { add_element_forces(dt, list, begin, end, share); },
             [&](index_t begin, index_t end)
@@ -289,13 +311,12 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
                 kick(dt, begin, end);
             });
       });
-  for (const double power : sums_.heat)
-    dissipated_ += dt * power;
   if (!plain)
   {
-    add_body_force(n_wet_, nodes_.size());
+    const index_t begin = std::max(n_wet_, team_.node_begin()), end = team_.node_end();
+    add_body_force(begin, end);
     for (const index_t n : constrained_)
-      if (n >= n_wet_)
+      if (n >= begin && n < end)
         constrain(nodes_.a[static_cast<std::size_t>(n)], n);
     let_waves_out(dt, true);
     if (openings_.driven_mask() != 0)
@@ -305,7 +326,7 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
           openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
       openings_.drive(nodes_, t_);
     }
-    kick(dt, n_wet_, nodes_.size());
+    kick(dt, begin, end);
   }
   exchange_mass(dt);
   ++steps_;
@@ -404,51 +425,58 @@ void Fluid<dim>::check_state(index_t bad)
 // between steps
 
 template <int dim>
-double Fluid<dim>::critical_time_step() const
+double Fluid<dim>::critical_time_step()
 {
+  if (config_.terms.mu > 0.0 || config_.terms.bulk_quadratic > 0.0)
+    halo_.update(nodes_.v);
   // Where nothing but flying nodes is left no element bounds the step; walls still have to be met.
   return config_.step_safety *
          std::min(config_.element_size / sound_speed(),
                   fluid::critical_time_step<dim>(mesh_, nodes_, config_.tait, config_.terms,
-                                                 config_.inertia_floor, team_, workspace_));
+                                                 config_.inertia_floor, team_, halo_, workspace_));
 }
 
 template <int dim>
-bool Fluid<dim>::is_distorted() const
+bool Fluid<dim>::is_distorted()
 {
   // Nodes that nobody watches could reach the solid.
   return mesh_is_bad() || (!solid_.empty() && travel_ > 0.5 * contact_reach * config_.element_size);
 }
 
 template <int dim>
-bool Fluid<dim>::mesh_is_bad() const
+bool Fluid<dim>::mesh_is_bad()
 {
   if (openings_.row_due(nodes_))
     return true;
-  if (is_worse<dim>(mesh_, nodes_.x, quality_, config_.remesh.quality, nodes_.period))
+  const index_t begin = team_.element_begin(), end = team_.element_end();
+  if (any_rank(is_worse<dim>(mesh_, begin, end, nodes_.x, quality_, config_.remesh.quality, nodes_.period)))
     return true;
   const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;
   if (due == good_for_)
     return false;
   if (!config_.remesh.only_if_moved || !solid_.empty()) // what a solid blocks is decided at remeshes only
     return true;
+  halo_.update(nodes_.v);
   // A mesh is still good if its nodes have only moved together and no gap closes: a gap that has kept its
   // shape was decided at the last remesh, and round-off must not decide it again. Gaps that are not watched
   // are wider than twice the circumradius up to which they are.
-  const bool bad =
-      travelled_ > 0.7 * watched_gap * config_.element_size ||
-      is_strained<dim>(mesh_.elements, nodes_.x, x_remesh_, nodes_.h, config_.remesh.strain, nodes_.period) ||
-      is_strained<dim>(gaps_, nodes_.x, x_remesh_, nodes_.h, 1.0, nodes_.period) ||
-      std::any_of(gaps_.begin(), gaps_.end(),
-                  [this](const Simplex<dim>& gap)
-                  {
-                    return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape) &&
-                           is_strained<dim>(std::span(&gap, 1), nodes_.x, x_remesh_, nodes_.h,
-                                            0.1 * config_.remesh.strain, nodes_.period);
-                  });
-  if (!bad)
-    good_for_ = due;
-  return bad;
+  const auto own = std::span<const Simplex<dim>>(mesh_.elements)
+                       .subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
+  const std::span<const Simplex<dim>> gaps = ranks().alone() ? gaps_ : own_gaps_;
+  const auto strained = [this](std::span<const Simplex<dim>> simplices, double limit)
+  { return is_strained<dim>(simplices, nodes_.x, x_remesh_, nodes_.h, limit, nodes_.period); };
+  const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
+                   strained(own, config_.remesh.strain) || strained(gaps, 1.0) ||
+                   std::any_of(gaps.begin(), gaps.end(),
+                               [&](const Simplex<dim>& gap)
+                               {
+                                 return becomes_fluid<dim>(gap, nodes_, config_.remesh.shape) &&
+                                        strained(std::span(&gap, 1), 0.1 * config_.remesh.strain);
+                               });
+  if (any_rank(bad))
+    return true;
+  good_for_ = due;
+  return false;
 }
 
 /// Traction −(p(rest) + ρ₀c₀ v_n) n on impedance nodes, implicit in the velocity of the full step:
@@ -481,8 +509,9 @@ template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
   const Vec<dim> g = gravity();
-  ExactSum kinetic, internal, potential;
-  for (std::size_t i = 0; i < nodes_.x.size(); ++i)
+  ExactSum kinetic, internal, potential, wall_work = contact_.work();
+  const auto [begin, end] = rows_to_sum();
+  for (std::size_t i = begin; i < end; ++i)
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
     kinetic.add(0.5 * nodes_.M[i] * dot(nodes_.v[i] - kick, nodes_.v[i] + kick));
@@ -492,11 +521,17 @@ FluidEnergy Fluid<dim>::energy() const
       internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
     potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
+  std::vector<double> heat = sums_.heat;
+  if (!collected_)
+  {
+    ranks().sum({&kinetic, &internal, &potential, &wall_work});
+    ranks().gather_rows(heat, blocks_of_ranks());
+  }
   FluidEnergy e{.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
-  e.dissipated = dissipated_;
+  e.dissipated = std::accumulate(heat.begin(), heat.end(), dissipated_);
   e.remesh_gain = remesh_gain_;
   e.remesh_loss = remesh_loss_;
-  e.wall_work = wall_work_;
+  e.wall_work = wall_work.value();
   e.interface_work = interface_work_;
   e.openings = openings_energy_;
   return e;
@@ -506,7 +541,8 @@ template <int dim>
 FluidMass Fluid<dim>::mass_by_state() const
 {
   ExactSum meshed, flying, dynamic, volume;
-  for (std::size_t i = 0; i < nodes_.x.size(); ++i)
+  const auto [begin, end] = rows_to_sum();
+  for (std::size_t i = begin; i < end; ++i)
   {
     const bool flies = nodes_.flag[i] & isolated_node;
     (flies ? flying : meshed).add(nodes_.M[i]);
@@ -516,6 +552,8 @@ FluidMass Fluid<dim>::mass_by_state() const
       volume.add(nodes_.V[i]);
     }
   }
+  if (!collected_)
+    ranks().sum({&meshed, &flying, &dynamic, &volume});
   FluidMass mass{.meshed = meshed.value(),
                  .flying = flying.value(),
                  .dynamic = dynamic.value(),
@@ -529,6 +567,7 @@ FluidMass Fluid<dim>::mass_by_state() const
 template <int dim>
 Vec<dim> Fluid<dim>::momentum() const
 {
+  require(collected_, "momentum of what was collected");
   Vec<dim> sum{};
   for (std::size_t i = 0; i < nodes_.x.size(); ++i)
     sum += nodes_.m[i] * nodes_.v[i];
@@ -538,6 +577,11 @@ Vec<dim> Fluid<dim>::momentum() const
 template <int dim>
 void Fluid<dim>::for_each_state(StateArchive& archive)
 {
+  if (!archive.reading())
+  {
+    collect();
+    cool();
+  }
   nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
   archive("elements", mesh_.elements);
   if (archive.reading())
@@ -548,8 +592,6 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("terms", sums_);
   sums_.record.resize(nodes_.x.size());
   sums_.sum.resize(nodes_.x.size());
-  sums_.heat.resize(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1);
-  team_.share_out(nodes_.size(), mesh_);
   delaunay_.forget(); // both runs then go on with a rebuild
   archive("e_layer", e_layer_);
   archive("mass_rate", mass_rate_);
@@ -574,12 +616,23 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("remesh_gain", remesh_gain_);
   archive("remesh_loss", remesh_loss_);
   archive("interface_work", interface_work_);
-  archive("wall_work", wall_work_);
   archive("impedance", impedance_);
   archive("openings_energy", openings_energy_);
   archive("inflow", inflow_);
   archive("outflow", outflow_);
   archive("turned_over", turned_over_);
+  if (!archive.reading())
+    return;
+  sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
+  team_.share_out(nodes_.size(), mesh_, e_layer_);
+  collected_ = true;
+  moves_.clear();
+  if (ranks().rank() != 0)
+    for (ExactSum* sum : contact_.sums())
+      *sum = {};
+  if (!contact_.empty())
+    contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
+  find_ghosts();
 }
 
 template <int dim>

@@ -3,6 +3,7 @@
 
 #include "common/coupling/messages.hpp"
 #include "common/io/state_archive.hpp"
+#include "common/parallel/halo.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid_config.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
@@ -70,14 +71,20 @@ struct Received
 
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
 /// [0, n_wet).
+///
+/// On several ranks each has all nodes and the whole mesh, but steps only its part: a range of nodes, which
+/// in the order of nodes are neighbours in space. Rows of other ranks are right at its ghosts, and everywhere
+/// after collect(), which a remesh begins with: every rank then makes the same new mesh. Rank 0 has all wet
+/// nodes and their layer. Results have the bits that they have on one rank.
 template <int dim>
 class Fluid
 {
 public:
-  /// Seed the box, triangulate, set the initial density. @throws InputError for unknown surface names
-  explicit Fluid(const FluidConfig& config);
+  /// Seed the box, triangulate, set the initial density. @throws InputError for unknown surface names, and
+  /// for what needs one rank
+  explicit Fluid(const FluidConfig& config, const Ranks& ranks = {});
 
-  // --- one step, in this order
+  // --- one step, in this order; collective, as all that changes the state
   // --------------------------------------------------------------------------------------
   /// v ← v + Δt/2 a,  x ← x + Δt v.
   void predict(double dt);
@@ -99,14 +106,18 @@ public:
 
   // --- between steps
   // ------------------------------------------------------------------------------------------------
-  /// Largest stable step, safety included [s].
-  double critical_time_step() const;
+  /// Largest stable step, safety included [s]. Collective.
+  double critical_time_step();
   /// An element is worse than the configured shape, the cap of steps is reached, or nodes may have come near
-  /// the solid.
-  bool is_distorted() const;
+  /// the solid. Collective.
+  bool is_distorted();
   /// New connectivity at a synchronised time: p, ρ and v of every node stay, m ← ρV, accelerations are
   /// recomputed (without link).
   void remesh();
+  /// All rows of all fields are right on every rank until the next step; sums over time are on rank 0.
+  /// Collective.
+  void collect();
+  const Ranks& ranks() const { return team_.ranks(); }
   double time() const { return t_; } ///< [s]
   /// The solid that the fluid may meet and leave, at the present time. From the first call on the wet nodes
   /// are those near it; the next remesh() goes by this surface.
@@ -126,7 +137,9 @@ public:
   std::int64_t steps() const { return steps_; }
   const DelaunayCount& triangulations() const { return delaunay_.count(); }
 
+  /// Collective, unless collected; then works are right on rank 0 only.
   FluidEnergy energy() const;
+  /// Collective, unless collected.
   FluidMass mass_by_state() const;
   double mass() const { return mass_by_state().total(); } ///< particle mass [kg]
   Vec<dim> momentum() const;
@@ -149,8 +162,18 @@ private:
   /// Nodes this near to a solid are watched for contact with it, in units of the spacing.
   static constexpr double contact_reach = 2.0;
 
-  bool mesh_is_bad() const;
-  double push_off_walls(double dt);
+  bool mesh_is_bad();
+  bool any_rank(bool yes);
+  void move_on(double dt, double speed);
+  void find_ghosts();
+  void cool();
+  /// The rank that has the wet nodes, if there are any.
+  bool has_interface() const { return n_wet_ > 0 && ranks().rank() == 0; }
+  index_t n_wet_here() const { return has_interface() ? n_wet_ : 0; }
+  /// Nodes over which this rank sums: its own, or all.
+  std::array<std::size_t, 2> rows_to_sum() const;
+  std::vector<index_t> blocks_of_ranks() const;
+  void push_off_walls(double dt);
   std::vector<Vec<dim>> half_step_velocity() const;
   double energy_with(std::span<const Vec<dim>> v_half) const;
   void update_spacing();
@@ -209,29 +232,35 @@ private:
   MovingDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
   Team team_;
-  std::vector<double> fastest_; ///< squared speed of the fastest node of each share [m²/s²]
-  std::vector<index_t> bad_;    ///< a node of each share whose elements have turned over, or −1
+  Halo halo_;
+  bool collected_ = true;                    ///< rows of other ranks are right
+  std::vector<std::array<double, 2>> moves_; ///< step [s] and speed of the fastest node of this rank [m/s],
+                                             ///< since the ranks last agreed
+  std::vector<Simplex<dim>> own_gaps_;       ///< that this rank watches, if there are several
+  std::vector<double> fastest_;              ///< squared speed of the fastest node of each share [m²/s²]
+  std::vector<index_t> bad_; ///< a node of each share whose elements have turned over, or −1
   mutable StepWorkspace workspace_;
-  std::vector<double> mass_rate_;     ///< stabilising mass flux into each node [kg/s]
-  index_t n_wet_ = 0;                 ///< nodes on an interface
-  index_t n_layer_ = 0;               ///< wet nodes and their neighbours
-  index_t e_wet_ = 0;                 ///< elements that touch wet nodes
-  index_t e_layer_ = 0;               ///< elements that touch wet nodes or their neighbours
-  std::vector<index_t> constrained_;  ///< nodes on walls of the box
-  std::vector<double> f_link_;        ///< last link force, n_wet × dim
-  std::vector<float> quality_;        ///< of each element at the last remesh
-  std::vector<Vec<dim>> x_remesh_;    ///< positions at the last remesh
-  std::vector<Simplex<dim>> gaps_;    ///< between boundaries of the fluid, at the last remesh
-  mutable std::int64_t good_for_ = 0; ///< so many times remesh_every the mesh was found to be still good
-  double travelled_ = 0.0;            ///< by the fastest nodes since the last remesh [m]
+  std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
+  index_t n_wet_ = 0;                ///< nodes on an interface
+  index_t n_layer_ = 0;              ///< wet nodes and their neighbours
+  index_t e_wet_ = 0;                ///< elements that touch wet nodes
+  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
+  std::vector<index_t> constrained_; ///< nodes on walls of the box
+  std::vector<double> f_link_;       ///< last link force, n_wet × dim
+  std::vector<float> quality_;       ///< of each element at the last remesh
+  std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
+  std::vector<Simplex<dim>> gaps_;   ///< between boundaries of the fluid, at the last remesh
+  std::int64_t good_for_ = 0;        ///< so many times remesh_every the mesh was found to be still good
+  double travelled_ = 0.0;           ///< by the fastest nodes since the last remesh [m]
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh
   std::int64_t steps_ = 0, steps_since_remesh_ = 0;
   std::uint32_t surface_epoch_ = 0;
   RemeshLedger ledger_;
-  double dissipated_ = 0.0, remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, wall_work_ = 0.0,
-         openings_energy_ = 0.0, inflow_ = 0.0, outflow_ = 0.0;
+  double dissipated_ = 0.0; ///< before the last remesh [J]
+  double remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, openings_energy_ = 0.0, inflow_ = 0.0,
+         outflow_ = 0.0;
 };
 
 } // namespace undine::fluid

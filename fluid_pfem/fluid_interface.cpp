@@ -14,7 +14,7 @@ void Fluid<dim>::push(std::span<const double> f_link, double dt)
   require(f_link.size() == static_cast<std::size_t>(n_wet_) * dim, "the link force fits the wet surface");
   const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
   bool pushed = false;
-  for (index_t n = 0; n < n_wet_; ++n)
+  for (index_t n = 0; n < n_wet_here(); ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     Vec<dim> J;
@@ -32,14 +32,14 @@ void Fluid<dim>::push(std::span<const double> f_link, double dt)
     nodes_.a[i] += (1.0 / dt_mean) * dv;
   }
   if (pushed && !contact_.empty())
-    wall_work_ += push_off_walls(dt); // a node between the solid and a wall
+    push_off_walls(dt); // a node between the solid and a wall
 }
 
 template <int dim>
 void Fluid<dim>::correct_with_link(std::span<const double> f_link, double dt)
 {
   require(f_link.size() == static_cast<std::size_t>(n_wet_) * dim, "the link force fits the wet surface");
-  for (index_t n = 0; n < n_wet_; ++n)
+  for (index_t n = 0; n < n_wet_here(); ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     Vec<dim> link, f_mean;
@@ -144,6 +144,9 @@ link::Kinematics Fluid<dim>::kinematics() const
 template <int dim>
 void Fluid<dim>::apply_activation(const link::Activation& activation)
 {
+  collected_ = ranks().alone();
+  if (!has_interface())
+    return;
   const link::Kinematics now = kinematics();
   for (std::size_t i = 0; i < static_cast<std::size_t>(n_wet_); ++i)
   {

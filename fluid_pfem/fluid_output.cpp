@@ -131,7 +131,7 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
             {"meshed[kg]", "flying[kg]", "deleted[kg]", "dynamic[kg]", "volume[m^dim]", "volume_error[]",
              "created[m^dim]", "dropped[m^dim]", "nodes[]", "merged[]", "split[]", "remeshes[]", "inflow[kg]",
              "outflow[kg]"}),
-      rho0_(fluid.config().tait.rho0)
+      rho0_(fluid.config().tait.rho0), writes_(fluid.ranks().rank() == 0)
 {
   for (const ProbeConfig& probe : probes)
     if (probe.on == "fluid")
@@ -247,37 +247,44 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
 }
 
 template <int dim>
-void FluidOutput<dim>::observe(double t, const Fluid<dim>& fluid, bool frame)
+void FluidOutput<dim>::observe(double t, Fluid<dim>& fluid, bool frame)
 {
+  const bool by_interval = config_.history_interval > 0.0, sample = by_interval && t >= next_sample_,
+             row = frame || !by_interval || t >= next_row_;
+  while (by_interval && next_sample_ <= t)
+    next_sample_ += config_.history_interval / samples_per_row;
+  while (by_interval && next_row_ <= t)
+    next_row_ += config_.history_interval;
+  const bool gauges =
+      std::any_of(probes_.begin(), probes_.end(), [](const Probe& p) { return p.is_gauge(); });
+  if (row || (sample && gauges))
+    fluid.collect();
+  if (!writes_)
+    return;
   if (frame && config_.frames)
     write_frame(t, fluid);
-  if (config_.history_interval > 0.0 && t >= next_sample_)
+  if (sample)
     sample_gauges(t, fluid);
-  if (frame || config_.history_interval <= 0.0 || t >= next_row_)
-  {
+  if (row)
     write_rows(t, fluid);
-    if (config_.history_interval > 0.0)
-      while (next_row_ <= t)
-        next_row_ += config_.history_interval;
-  }
 }
 
 template <int dim>
 void FluidOutput<dim>::for_each_state(StateArchive& archive)
 {
+  archive("next_row", next_row_);
+  archive("next_sample", next_sample_);
+  if (!writes_)
+    return;
   archive("frames", frames_);
   archive("probes", probes_);
   archive("energy", energy_);
   archive("mass", mass_);
-  archive("next_row", next_row_);
-  archive("next_sample", next_sample_);
 }
 
 template <int dim>
 void FluidOutput<dim>::sample_gauges(double t, const Fluid<dim>& fluid)
 {
-  while (next_sample_ <= t)
-    next_sample_ += config_.history_interval / samples_per_row;
   for (Probe& probe : probes_)
   {
     if (!probe.is_gauge())

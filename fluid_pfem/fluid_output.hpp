@@ -17,7 +17,7 @@ namespace undine::fluid
 /// Files of one run in `out_dir`: fluid.h5/.xdmf, history/<probe>.csv, history/fluid_energy.csv,
 /// history/mass.csv. A probe at a point follows the node that was nearest at the start; a probe on a surface
 /// is the mean over its nodes; a gauge (radius > 0) is the mean over the nodes near its point and over the
-/// time since the last row.
+/// time since the last row. On several ranks rank 0 writes, and all functions are collective.
 template <int dim>
 class FluidOutput
 {
@@ -26,7 +26,8 @@ public:
   FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes, const Fluid<dim>& fluid);
 
   /// Call at every synchronised time; rows are written when they are due.
-  void observe(double t, const Fluid<dim>& fluid, bool frame);
+  void observe(double t, Fluid<dim>& fluid, bool frame);
+  /// Of what was collected, on rank 0.
   void write_frame(double t, const Fluid<dim>& fluid);
   void for_each_state(StateArchive& archive);
 
@@ -66,6 +67,7 @@ private:
   History energy_, mass_;
   double next_row_ = 0.0, next_sample_ = 0.0;
   double rho0_ = 0.0;
+  bool writes_ = true; ///< on rank 0
 };
 
 } // namespace undine::fluid

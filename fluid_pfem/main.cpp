@@ -11,6 +11,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <optional>
 
 namespace
 {
@@ -20,9 +21,9 @@ using namespace undine;
 template <int dim>
 ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
 {
-  fluid::Fluid<dim> fluid(config);
   if (launch.line.check_only)
   {
+    fluid::Fluid<dim> fluid(config);
     fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step "
                "{:.4g} s\n",
                fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
@@ -31,20 +32,25 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   }
   const bool coupled = launch.coupling.present;
   const link::World world =
-      launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
-  const auto log = make_log(launch.output.dir, launch.role, !coupled);
-  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s", launch.file.path(),
-            fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), fluid.critical_time_step());
+      launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{}, true);
+  const Ranks ranks = launch.ranks(world);
+  const bool first = ranks.rank() == 0;
+  fluid::Fluid<dim> fluid(config, ranks);
+  const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
+  log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s, {} rank{}",
+            launch.file.path(), fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(),
+            fluid.critical_time_step(), ranks.size(), ranks.alone() ? "" : "s");
 
   fluid::FluidOutput<dim> output(launch.output, launch.probes, fluid);
   const auto begin = std::chrono::steady_clock::now();
   const double mass = fluid.mass();
-  const auto observe = [&](double t, const fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
+  const auto observe = [&](double t, fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
   Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
   const Persistence persistence{.role = launch.role,
                                 .from = launch.restart ? &*launch.restart : nullptr,
                                 .checkpoints = &checkpoints,
-                                .output = [&](StateArchive& archive) { archive("output", output); }};
+                                .output = [&](StateArchive& archive) { archive("output", output); },
+                                .ranks = ranks};
   if (launch.restart)
     checkpoints.continue_from(launch.restart->manifest.t);
   if (const std::string warning = launch.restart_warning(); !warning.empty())
@@ -53,6 +59,8 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   double wait = 0.0;
   const auto last_state = [&](const NumericalError& failure)
   {
+    if (!ranks.alone()) // only what this rank computes is there
+      return failure;
     std::string where = "the last state is the last frame of fluid.h5";
     try
     {
@@ -66,19 +74,22 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   };
   if (coupled)
   {
-    link::SolverLink link(world.channel("coupler"));
+    std::optional<link::SolverLink> link;
+    if (first)
+      link.emplace(world.channel("coupler"));
     try
     {
-      fluid::run_coupled<dim>(fluid, link, observe, persistence);
+      fluid::run_coupled<dim>(fluid, {link ? &*link : nullptr, ranks}, observe, persistence);
     }
     catch (const Failure& failure)
     {
-      link.send_failure(static_cast<int>(failure.code()), failure.what());
+      if (link)
+        link->send_failure(static_cast<int>(failure.code()), failure.what());
       if (const auto* numerical = dynamic_cast<const NumericalError*>(&failure))
         throw last_state(*numerical);
       throw;
     }
-    wait = link.wait_seconds();
+    wait = link ? link->wait_seconds() : 0.0;
   }
   else
     try
@@ -90,10 +101,15 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
       throw last_state(failure);
     }
 
+  fluid.collect();
+  if (!first)
+    return stopped.empty() ? ExitCode::success : ExitCode::stopped;
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Summary summary;
   summary.set("fluid.t_end", fluid.time());
   summary.set("fluid.steps", fluid.steps());
+  summary.set("fluid.ranks", ranks.size());
+  summary.set("fluid.rank_wait_s", ranks.cost().wall);
   summary.set("fluid.wall_s", wall);
   summary.set("fluid.wait_s", wait);
   summary.set("fluid.nodes", fluid.nodes().size());

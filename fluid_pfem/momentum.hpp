@@ -52,7 +52,8 @@ struct ElementSums
   std::vector<FourNumbers> sum; ///< force [N] in the first dim entries, mass flux [kg/s] in the last; zero
                                 ///< between steps
   std::vector<Vec<dim>> body;   ///< nodal body force beyond gravity [m/s²]; empty if there is none
-  std::vector<double> heat;     ///< power turned into heat by q and τ, per block of elements [W]
+  std::vector<double> heat;     ///< energy turned into heat by q and τ since the last remesh, per block of
+                                ///< elements [J]
 
   /// Records and sums for n nodes, all zero; no body force.
   void reset(index_t n);

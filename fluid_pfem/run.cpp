@@ -21,7 +21,7 @@ double seconds_since(std::chrono::steady_clock::time_point begin)
 }
 
 template <int dim>
-link::Report report_of(const Fluid<dim>& fluid, double initial_potential)
+link::Report report_of(Fluid<dim>& fluid, double initial_potential)
 {
   const FluidEnergy e = fluid.energy();
   link::Report report;
@@ -39,7 +39,7 @@ link::Report report_of(const Fluid<dim>& fluid, double initial_potential)
 } // namespace
 
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe,
+void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observe,
                  const Persistence& persistence)
 {
   const auto begin = std::chrono::steady_clock::now();
@@ -175,8 +175,8 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
   return "";
 }
 
-template void run_coupled<2>(Fluid<2>&, link::SolverLink&, const Observer<2>&, const Persistence&);
-template void run_coupled<3>(Fluid<3>&, link::SolverLink&, const Observer<3>&, const Persistence&);
+template void run_coupled<2>(Fluid<2>&, SharedLink, const Observer<2>&, const Persistence&);
+template void run_coupled<3>(Fluid<3>&, SharedLink, const Observer<3>&, const Persistence&);
 template std::string run_alone<2>(Fluid<2>&, const RunConfig&, double, const Observer<2>&,
                                   const Persistence&);
 template std::string run_alone<3>(Fluid<3>&, const RunConfig&, double, const Observer<3>&,

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "common/config/run_config.hpp"
-#include "common/coupling/link.hpp"
 #include "common/io/checkpoint.hpp"
+#include "common/program/shared_link.hpp"
 #include "fluid_pfem/fluid.hpp"
 
 #include <functional>
@@ -12,17 +12,18 @@
 namespace undine::fluid
 {
 
-/// Called at the start and after every window (coupled) or step (alone), always at a synchronised time.
-/// `frame`: a field frame is due.
+/// Called on all ranks at the start and after every window (coupled) or step (alone), always at a
+/// synchronised time. `frame`: a field frame is due.
 template <int dim>
-using Observer = std::function<void(double t, const Fluid<dim>& fluid, bool frame)>;
+using Observer = std::function<void(double t, Fluid<dim>& fluid, bool frame)>;
 
-/// Run coupled until the coupler says good-bye.
+/// Run coupled until the coupler says good-bye. Collective.
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, link::SolverLink& link, const Observer<dim>& observe,
+void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observe,
                  const Persistence& persistence = {});
 
-/// Run alone from run.t_begin to run.t_end. `frame_interval` [s], 0: only the first and the last frame.
+/// Run alone from run.t_begin to run.t_end. Collective. `frame_interval` [s], 0: only the first and the last
+/// frame.
 /// @returns why it stopped earlier, its state written; empty if it did not
 template <int dim>
 std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_interval,

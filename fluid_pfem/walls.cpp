@@ -294,6 +294,7 @@ template <int dim>
 void Walls<dim>::move_to(double t)
 {
   before_ = pieces_;
+  double fastest = 0.0; // corner, over this move [m]
   for (std::size_t k = 0; k < reference_.size(); ++k)
   {
     const WallMotion& motion = geometry_[static_cast<std::size_t>(reference_[k].wall)].motion;
@@ -313,19 +314,23 @@ void Walls<dim>::move_to(double t)
       shift[static_cast<int>(i)] = motion.displacement[i](0.0, 0.0, 0.0, t);
     const Vec<dim> centre = leading<dim>(motion.centre);
     for (std::size_t c = 0; c < dim; ++c)
+    {
       pieces_[k].corner[c] = centre + turn(reference_[k].corner[c] - centre) + shift;
+      fastest = std::max(fastest, norm(pieces_[k].corner[c] - before_[k].corner[c]));
+    }
     pieces_[k].n = turn(reference_[k].n);
   }
+  wall_moved_ += fastest;
 }
 
 template <int dim>
-void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, double margin)
+void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin)
 {
   candidates_.clear();
   margin_ = margin;
-  moved_ = 0.0;
+  moved_ = wall_moved_ = 0.0;
   const double reach = 2.0 * margin + 0.1 * spacing_; // the node and the wall may both move by `margin`
-  for (std::size_t n = 0; n < x.size(); ++n)
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
     for (std::size_t k = 0; k < pieces_.size(); ++k)
     {
       const auto& piece = pieces_[k];
@@ -339,11 +344,10 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, double margin)
 }
 
 template <int dim>
-double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
-                           std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
+void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
+                         std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
 {
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
-  double work = 0.0;
   // Candidates of one node are adjacent. In each round the piece that is crossed least is corrected: on one
   // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
   // concave corner a few rounds settle it between two or three.
@@ -384,8 +388,9 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
       // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
       // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
       // has just kicked it.
-      work += 0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv);
-      impulse_[static_cast<std::size_t>(wall.wall)] -= m[n] * dv;
+      work_.add(0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv));
+      for (std::size_t i = 0; i < dim; ++i)
+        impulse_[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * dv.c[i]);
       v[n] += dv;
       a[n] += (1.0 / dt_mean) * dv;
       if (end - begin == 1)
@@ -395,7 +400,6 @@ double Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec
     }
     begin = end;
   }
-  return work;
 }
 
 template <int dim>
@@ -543,9 +547,23 @@ std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) co
 }
 
 template <int dim>
-void Walls<dim>::reset_impulse()
+std::vector<Vec<dim>> Walls<dim>::impulse() const
 {
-  impulse_.assign(geometry_.size(), {});
+  std::vector<Vec<dim>> values(impulse_.size());
+  for (std::size_t w = 0; w < values.size(); ++w)
+    for (std::size_t i = 0; i < dim; ++i)
+      values[w].c[i] = impulse_[w][i].value();
+  return values;
+}
+
+template <int dim>
+std::vector<ExactSum*> Walls<dim>::sums()
+{
+  std::vector<ExactSum*> all{&work_};
+  for (auto& wall : impulse_)
+    for (ExactSum& component : wall)
+      all.push_back(&component);
+  return all;
 }
 
 template struct WallPiece<2>;

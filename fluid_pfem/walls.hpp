@@ -7,6 +7,7 @@
 #pragma once
 
 #include "common/config/expression.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 
@@ -99,22 +100,22 @@ public:
   /// Move all pieces to time t [s].
   void move_to(double t);
 
-  /// Nodes near walls, as candidates for contact until something has moved by `margin` [m].
-  void find_candidates(std::span<const Vec<dim>> x, double margin);
-  /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds the
-  /// impulses [N s] to impulse().
+  /// Nodes near walls among [begin, end), as candidates for contact until something has moved by `margin`
+  /// [m]. What contact does to a node does not depend on when they were found.
+  void find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin);
+  /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds to
+  /// impulse() and work().
   /// @param m mass of each node [kg]
   /// @param a acceleration of the last instant; gets the wall's part, so that it is what the node really does
   /// [m/s²]
   /// @param dt_before the step before this one [s]
-  /// @returns work done on the fluid [J]
-  double contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
-                 std::span<Vec<dim>> a, double dt_before);
-  /// Report the largest distance any node moved; find_candidates is due when this is true.
+  void contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
+               std::span<Vec<dim>> a, double dt_before);
+  /// Report the largest distance any candidate moved; find_candidates is due when this is true.
   bool candidates_expired(double moved)
   {
     moved_ += moved;
-    return moved_ > margin_;
+    return moved_ > margin_ || wall_moved_ > margin_;
   }
 
   /// Move points that are in a wall with a convex corner (an open wall: by less than a third of a spacing)
@@ -131,18 +132,20 @@ public:
   /// Part of `w` that points into walls which `x` lies on, within `tolerance` [m].
   Vec<dim> into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const;
 
-  /// Impulse on each wall since the last reset_impulse [N s].
-  const std::vector<Vec<dim>>& impulse() const { return impulse_; }
-  void reset_impulse();
+  /// Work of contact on the fluid [J] and impulse on each wall [N s] since the start: sums without an order.
+  const ExactSum& work() const { return work_; }
+  std::vector<Vec<dim>> impulse() const;
+  /// All sums, to be added up over ranks.
+  std::vector<ExactSum*> sums();
   template <class Archive>
   void for_each_state(Archive& archive)
   {
     archive("pieces", pieces_);
     archive("before", before_);
-    archive("candidates", candidates_);
+    for (ExactSum* sum : sums())
+      sum->normalise();
+    archive("work", work_);
     archive("impulse", impulse_);
-    archive("margin", margin_);
-    archive("moved", moved_);
   }
 
 private:
@@ -158,9 +161,10 @@ private:
   std::vector<WallGeometry> geometry_;
   std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
   std::vector<Candidate> candidates_;
-  std::vector<Vec<dim>> impulse_;
+  ExactSum work_;
+  std::vector<std::array<ExactSum, dim>> impulse_;
   bool has_convex_ = false;
-  double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0;
+  double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0, wall_moved_ = 0.0;
 };
 
 } // namespace undine::fluid

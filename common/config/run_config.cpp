@@ -25,6 +25,10 @@ RunConfig read_run_config(const CaseFile& file)
   config.preset =
       run.choice({"preset", "", "defaults of the fluid for free-surface flow or for violent impact"},
                  "hydraulic", {"hydraulic", "impact"});
+  config.rank_timeout = run.number(
+      {"rank_timeout", "s",
+       "a rank of a program that runs alone may keep the others waiting for that long; 0: for ever"},
+      300.0, non_negative());
   return config;
 }
 

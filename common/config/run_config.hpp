@@ -22,6 +22,8 @@ struct RunConfig
   double characteristic_length = 1.0; ///< [m]
   std::string preset = "hydraulic";   ///< or "impact": set of defaults for the fluid
 
+  double rank_timeout = 300.0; ///< of a program that runs alone: longest wait for a rank [s]; 0: none
+
   /// Length of an element that the resolution asks for [m].
   double element_size() const { return characteristic_length / resolution; }
 };

@@ -164,11 +164,19 @@ std::string Checkpoints::stop_reason() const
   return "";
 }
 
-bool Checkpoints::due(double t) const
+bool Checkpoints::due(double t) const { return config_.every > 0.0 && t >= next_; }
+
+bool Checkpoints::due_now() const
 {
   const std::chrono::duration<double> since = std::chrono::steady_clock::now() - last_;
-  return (config_.every > 0.0 && t >= next_) ||
-         (config_.every_wall > 0.0 && since.count() >= config_.every_wall) || !stop_reason().empty();
+  return (config_.every_wall > 0.0 && since.count() >= config_.every_wall) || !stop_reason().empty();
+}
+
+void Checkpoints::passed(double t)
+{
+  while (config_.every > 0.0 && next_ <= t)
+    next_ = config_.every * (std::floor(t / config_.every) + 1.0);
+  last_ = std::chrono::steady_clock::now();
 }
 
 std::string Checkpoints::begin()
@@ -198,9 +206,7 @@ void Checkpoints::finish(const std::string& folder, double t, std::int64_t windo
                         checksum(*content));
   }
   replace_file(folder + "/manifest.toml", text, true);
-  while (config_.every > 0.0 && next_ <= t)
-    next_ = config_.every * (std::floor(t / config_.every) + 1.0);
-  last_ = std::chrono::steady_clock::now();
+  passed(t);
 
   std::int64_t complete = 0;
   for (const fs::path& old : folders(out_dir_))
@@ -231,17 +237,28 @@ void Persistence::save(const std::string& folder, const StateVisitor& state) con
   state(archive);
   if (output)
     output(archive);
-  archive.save(folder + "/" + file_name());
+  if (ranks.rank() == 0)
+    archive.save(folder + "/" + file_name());
 }
 
 std::string Persistence::after_step(double t, std::int64_t step, const StateVisitor& state) const
 {
-  if (checkpoints == nullptr || !checkpoints->due(t))
+  if (checkpoints == nullptr)
     return "";
-  const std::string folder = checkpoints->begin();
+  constexpr std::int64_t ask_every = 8; // steps: clocks and signals differ between ranks
+  const bool now =
+      ranks.alone() ? checkpoints->due_now() : step % ask_every == 0 && ranks.any(checkpoints->due_now());
+  if (!now && !checkpoints->due(t))
+    return "";
+  const bool first = ranks.rank() == 0;
+  const std::string folder = first ? checkpoints->begin() : "";
   save(folder, state);
-  checkpoints->finish(folder, t, step, {file_name()});
-  return checkpoints->stop_reason();
+  if (first)
+    checkpoints->finish(folder, t, step, {file_name()});
+  else
+    checkpoints->passed(t);
+  const std::string reason = checkpoints->stop_reason();
+  return ranks.any(!reason.empty()) && reason.empty() ? "another rank was told to stop" : reason;
 }
 
 } // namespace undine

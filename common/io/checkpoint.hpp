@@ -3,6 +3,7 @@
 
 #include "common/config/run_config.hpp"
 #include "common/io/state_archive.hpp"
+#include "common/parallel/ranks.hpp"
 
 #include <chrono>
 #include <cstdint>
@@ -51,8 +52,10 @@ public:
 
   /// Somebody wants the run to end early (signal, wall-clock limit): the words, or empty.
   std::string stop_reason() const;
-  /// A checkpoint is due at time t, by interval or because the run is to be stopped.
+  /// A checkpoint is due at time t, by the interval of simulated time.
   bool due(double t) const;
+  /// A checkpoint is due by the clock on the wall, or because the run is to be stopped.
+  bool due_now() const;
   /// The case asks for checkpoints.
   bool wanted() const { return config_.every > 0.0 || config_.every_wall > 0.0 || config_.wall_limit > 0.0; }
 
@@ -61,6 +64,8 @@ public:
   /// All `files` are in `folder`: write its manifest and delete what is older than the last `keep`.
   void finish(const std::string& folder, double t, std::int64_t window,
               const std::vector<std::string>& files);
+  /// There is a checkpoint of time t: when is the next one due?
+  void passed(double t);
   /// Give up the folder (somebody could not write).
   void abandon(const std::string& folder);
 
@@ -74,13 +79,15 @@ private:
 /// Visits everything that a time loop depends on.
 using StateVisitor = std::function<void(StateArchive&)>;
 
-/// How a time loop continues from a checkpoint and writes new ones. By default it does neither.
+/// How a time loop continues from a checkpoint and writes new ones. By default it does neither. On several
+/// ranks all functions are collective: every rank visits its state, rank 0 writes, and every rank reads.
 struct Persistence
 {
   std::string role;
   const Checkpoint* from = nullptr;   ///< continue from here
   Checkpoints* checkpoints = nullptr; ///< when to write and to stop; participants of a coupled run are told
   StateVisitor output;                ///< what was written so far: for_each_state of the output objects
+  Ranks ranks;
 
   bool restarts() const { return from != nullptr; }
   std::string file_name() const { return role + ".h5"; }

@@ -31,4 +31,6 @@ std::shared_ptr<spdlog::logger> make_log(const std::string& out_dir, const std::
   return log;
 }
 
+std::shared_ptr<spdlog::logger> no_log() { return std::make_shared<spdlog::logger>("none"); }
+
 } // namespace undine

@@ -13,5 +13,7 @@ namespace undine
 /// text.
 std::shared_ptr<spdlog::logger> make_log(const std::string& out_dir, const std::string& role,
                                          bool on_terminal);
+/// For the ranks that do not log.
+std::shared_ptr<spdlog::logger> no_log();
 
 } // namespace undine

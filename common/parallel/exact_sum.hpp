@@ -12,7 +12,8 @@ namespace undine
 {
 
 /// A sum of doubles without rounding (the long accumulator of Kulisch): digits of 32 bits from the smallest
-/// to the largest double. Only value() rounds. At most 2³⁰ terms; infinities and NaN make value() NaN.
+/// to the largest double. Only value() rounds. At most 2³⁰ terms between two calls of normalise(); infinities
+/// and NaN make value() NaN.
 class ExactSum
 {
 public:
@@ -50,34 +51,48 @@ public:
   {
     if (digit_[digits - 1] != 0)
       return std::numeric_limits<double>::quiet_NaN();
-    std::array<std::int64_t, digits> d = digit_;
-    const auto carry = [&d]
-    {
-      for (std::size_t k = 0; k + 1 < digits; ++k)
-      {
-        const std::int64_t over = d[k] >> 32; // rounds down: digits become 0 … 2³² − 1, the last has the sign
-        d[k] -= over << 32;
-        d[k + 1] += over;
-      }
-    };
-    carry();
-    const bool negative = d[digits - 1] < 0;
-    if (negative)
-    {
-      for (auto& k : d)
-        k = -k;
-      carry();
-    }
+    ExactSum s = *this;
+    s.normalise();
+    const auto& d = s.digit_;
     std::size_t top = digits;
     while (top > 0 && d[top - 1] == 0)
       --top;
     double sum = 0.0;
     for (std::size_t k = top > 4 ? top - 4 : 0; k < top; ++k) // 97 bits at least
       sum += std::ldexp(static_cast<double>(d[k]), static_cast<int>(32 * k) - 1074);
-    return negative ? -sum : sum;
+    return sum;
+  }
+
+  /// Make room for 2³⁰ more terms: all digits get the sign of the sum and less than 33 bits.
+  void normalise()
+  {
+    if (digit_[digits - 1] != 0)
+      return;
+    carry();
+    if (digit_[digits - 1] >= 0)
+      return;
+    negate();
+    carry();
+    negate();
   }
 
 private:
+  void carry()
+  {
+    for (std::size_t k = 0; k + 1 < digits; ++k)
+    {
+      const std::int64_t over =
+          digit_[k] >> 32; // rounds down: digits become 0 … 2³² − 1, the last has the sign
+      digit_[k] -= over << 32;
+      digit_[k + 1] += over;
+    }
+  }
+  void negate()
+  {
+    for (auto& d : digit_)
+      d = -d;
+  }
+
   std::array<std::int64_t, digits> digit_{};
 };
 

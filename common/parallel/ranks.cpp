@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <limits>
 #include <numeric>
 
@@ -18,6 +19,7 @@ struct Ranks::Group
 {
   MPI_Comm comm = MPI_COMM_NULL;
   double deadline = 0.0;
+  mutable Ranks::Cost cost{};
 };
 
 struct Ranks::Messages
@@ -37,9 +39,29 @@ int count_of(std::size_t n)
   return static_cast<int>(n);
 }
 
-/// Wait for all requests. @param others ranks at the other end, to name the silent one; may be empty
-void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others, double deadline)
+double cpu_seconds()
 {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+/// Wait for all requests. @param others ranks at the other end, to name the silent one; may be empty
+void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others, const Ranks::Group& group)
+{
+  struct Clocks // around the whole wait
+  {
+    Ranks::Cost& cost;
+    std::chrono::steady_clock::time_point wall = std::chrono::steady_clock::now();
+    double cpu = cpu_seconds();
+    ~Clocks()
+    {
+      cost.wall += std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+      cost.cpu += cpu_seconds() - cpu;
+      ++cost.waits;
+    }
+  } const clocks{group.cost};
+  const double deadline = group.deadline;
   using Clock = std::chrono::steady_clock;
   auto last = Clock::now();
   double waited = 0.0;
@@ -64,7 +86,7 @@ void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others
       throw Failure(
           ExitCode::partner_silent,
           fmt::format("rank{} {} of this program kept another waiting for {:.3g} s "
-                      "(coupling.stall_timeout)",
+                      "(run.rank_timeout; coupled: twice coupling.stall_timeout)",
                       silent.size() == 1 ? "" : "s",
                       silent.empty() ? std::string("unknown") : fmt::format("{}", fmt::join(silent, ", ")),
                       deadline));
@@ -72,10 +94,10 @@ void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others
   }
 }
 
-void complete(MPI_Request request, double deadline)
+void complete(MPI_Request request, const Ranks::Group& group)
 {
   std::vector<MPI_Request> one{request};
-  complete(one, {}, deadline);
+  complete(one, {}, group);
 }
 
 } // namespace
@@ -87,8 +109,10 @@ Ranks ranks_of(MPI_Comm comm, double deadline)
   MPI_Comm_size(comm, &size);
   if (size == 1)
     return {};
-  return {std::make_shared<const Ranks::Group>(Ranks::Group{comm, deadline}), rank, size};
+  return {std::make_shared<const Ranks::Group>(Ranks::Group{comm, deadline, {}}), rank, size};
 }
+
+Ranks::Cost Ranks::cost() const { return group_ ? group_->cost : Cost{}; }
 
 void Ranks::max(std::span<double> values) const
 {
@@ -97,7 +121,7 @@ void Ranks::max(std::span<double> values) const
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->comm,
                  &request);
-  complete(request, group_->deadline);
+  complete(request, *group_);
 }
 
 double Ranks::max(double value) const
@@ -113,10 +137,10 @@ void Ranks::sum(std::span<std::int64_t> values) const
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->comm,
                  &request);
-  complete(request, group_->deadline);
+  complete(request, *group_);
 }
 
-void Ranks::sum(std::initializer_list<ExactSum*> sums) const
+void Ranks::sum(std::span<ExactSum* const> sums) const
 {
   if (alone())
     return;
@@ -138,7 +162,7 @@ std::vector<std::size_t> Ranks::gather_counts(std::size_t items) const
   static_assert(sizeof(std::size_t) == sizeof(std::uint64_t));
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Iallgather(&items, 1, MPI_UINT64_T, counts.data(), 1, MPI_UINT64_T, group_->comm, &request);
-  complete(request, group_->deadline);
+  complete(request, *group_);
   return counts;
 }
 
@@ -157,7 +181,22 @@ void Ranks::gather_into(const void* mine, const std::vector<std::size_t>& counts
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Iallgatherv(mine, bytes[static_cast<std::size_t>(rank_)], MPI_BYTE, all, bytes.data(), begin.data(),
                   MPI_BYTE, group_->comm, &request);
-  complete(request, group_->deadline);
+  complete(request, *group_);
+}
+
+void Ranks::gather_rows(void* all, std::size_t row_bytes, std::span<const std::int32_t> first) const
+{
+  require(first.size() == static_cast<std::size_t>(size_) + 1, "a range of rows for each rank");
+  std::vector<int> bytes, begin;
+  for (std::size_t r = 0; r + 1 < first.size(); ++r)
+  {
+    begin.push_back(count_of(static_cast<std::size_t>(first[r]) * row_bytes));
+    bytes.push_back(count_of(static_cast<std::size_t>(first[r + 1] - first[r]) * row_bytes));
+  }
+  MPI_Request request = MPI_REQUEST_NULL;
+  MPI_Iallgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, all, bytes.data(), begin.data(), MPI_BYTE, group_->comm,
+                  &request);
+  complete(request, *group_);
 }
 
 std::vector<std::vector<std::byte>> Ranks::exchange_bytes(const std::vector<std::vector<std::byte>>& to) const
@@ -168,7 +207,7 @@ std::vector<std::vector<std::byte>> Ranks::exchange_bytes(const std::vector<std:
     sent.push_back(list.size());
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Ialltoall(sent.data(), 1, MPI_UINT64_T, received.data(), 1, MPI_UINT64_T, group_->comm, &request);
-  complete(request, group_->deadline);
+  complete(request, *group_);
   std::vector<std::vector<std::byte>> from(to.size());
   std::vector<Part> sends, receives;
   for (std::size_t r = 0; r < to.size(); ++r)
@@ -197,6 +236,8 @@ std::shared_ptr<Ranks::Messages> Ranks::start(std::span<const Part> sends,
   for (const Part& part : sends)
   {
     messages->rank.push_back(part.rank);
+    ++group_->cost.messages;
+    group_->cost.bytes += static_cast<std::int64_t>(part.bytes);
     MPI_Isend(part.data, count_of(part.bytes), MPI_BYTE, part.rank, tag, group_->comm,
               &messages->requests.emplace_back());
   }
@@ -205,7 +246,7 @@ std::shared_ptr<Ranks::Messages> Ranks::start(std::span<const Part> sends,
 
 void Ranks::wait(Messages& messages) const
 {
-  complete(messages.requests, messages.rank, group_->deadline);
+  complete(messages.requests, messages.rank, *group_);
   messages.requests.clear();
   messages.rank.clear();
 }

@@ -42,7 +42,23 @@ public:
     return value;
   }
   /// Sums over all terms of all ranks, the same bits however they are distributed. Collective.
-  void sum(std::initializer_list<ExactSum*> sums) const;
+  void sum(std::span<ExactSum* const> sums) const;
+  void sum(std::initializer_list<ExactSum*> sums) const { sum(std::span(sums.begin(), sums.size())); }
+
+  /// Everybody's rows of a field: rows [first[r], first[r + 1]) of `all` come from rank r. Collective.
+  template <class T>
+  void gather_rows(std::vector<T>& all, std::span<const std::int32_t> first) const
+  {
+    static_assert(std::is_trivially_copyable_v<T>);
+    if (!alone())
+      gather_rows(all.data(), sizeof(T), first);
+  }
+  /// The items of rank 0, on all ranks. Collective.
+  template <class T>
+  std::vector<T> of_first(const std::vector<T>& items) const
+  {
+    return gather(rank_ == 0 ? items : std::vector<T>{});
+  }
 
   /// Everybody's items, rank by rank. Collective. `counts`, if given, gets how many came from each rank.
   template <class T>
@@ -104,6 +120,14 @@ public:
   /// @throws Failure(partner_silent)
   void wait(Messages& messages) const;
 
+  /// What communication has taken on this rank since the start.
+  struct Cost
+  {
+    double wall = 0.0, cpu = 0.0;                    ///< waiting for others [s]
+    std::int64_t waits = 0, messages = 0, bytes = 0; ///< sent by start()
+  };
+  Cost cost() const;
+
   struct Group; ///< of MPI; see mpi_ranks.hpp
   Ranks(std::shared_ptr<const Group> group, int rank, int size)
       : group_(std::move(group)), rank_(rank), size_(size)
@@ -123,6 +147,7 @@ private:
     if (counts)
       *counts = n;
   }
+  void gather_rows(void* all, std::size_t row_bytes, std::span<const std::int32_t> first) const;
   std::vector<std::size_t> gather_counts(std::size_t items) const;
   void gather_into(const void* mine, const std::vector<std::size_t>& counts, std::size_t item_bytes,
                    void* all) const;

@@ -3,6 +3,7 @@
 
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
+#include "common/parallel/mpi_ranks.hpp"
 
 #include <fmt/format.h>
 #include <mpi.h>
@@ -45,7 +46,7 @@ int end_with(int code, const std::string& role, const std::string& text, const s
 
 } // namespace
 
-link::World Launch::meet(const std::vector<std::string>& partners) const
+link::World Launch::meet(const std::vector<std::string>& partners, bool several_ranks) const
 {
   link::World world =
       link::World::connect({.role = role,
@@ -57,10 +58,15 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
                            {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
   int ranks = 1;
   MPI_Comm_size(world.comm(), &ranks);
-  if (ranks > 1)
+  if (ranks > 1 && !several_ranks)
     throw InputError("the program '" + role + "' was started on " + std::to_string(ranks) +
-                     " ranks; this release runs each program on one");
+                     " ranks; it runs on one (-n 1), only fluid_pfem on several");
   return world;
+}
+
+Ranks Launch::ranks(const link::World& world) const
+{
+  return ranks_of(world.comm(), world.coupled() ? 2.0 * coupling.stall_timeout : run.rank_timeout);
 }
 
 std::string Launch::case_hash() const { return fmt::format("{:016x}", file.hash()); }

@@ -8,6 +8,7 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/error.hpp"
 #include "common/io/checkpoint.hpp"
+#include "common/parallel/ranks.hpp"
 
 #include <functional>
 #include <optional>
@@ -37,8 +38,12 @@ struct Launch
   std::string restart_warning() const;
 
   /// Meet the other programs. `partners`: roles that must be there.
-  /// @throws link::ProtocolError; InputError if this program has more than one rank
-  link::World meet(const std::vector<std::string>& partners) const;
+  /// @param several_ranks this program may have more than one
+  /// @throws link::ProtocolError; InputError if this program has more ranks than it may
+  link::World meet(const std::vector<std::string>& partners, bool several_ranks = false) const;
+  /// The ranks of this program. One may keep the others waiting for run.rank_timeout; coupled twice as long
+  /// as a program may keep the coupler waiting, so that the coupler speaks first.
+  Ranks ranks(const link::World& world) const;
 };
 
 /// `program` is "coupler", "fluid" or "solid".

@@ -11,21 +11,21 @@ namespace undine::fluid
 {
 
 template <int dim>
-[[gnu::flatten]] bool is_worse(const FluidMesh<dim>& mesh, std::span<const Vec<dim>> x,
-                               std::span<const float> before, double limit, const Period<dim>& period)
+[[gnu::flatten]] bool is_worse(const FluidMesh<dim>& mesh, index_t begin, index_t end,
+                               std::span<const Vec<dim>> x, std::span<const float> before, double limit,
+                               const Period<dim>& period)
 {
   constexpr int L = Lanes::size;
-  const index_t n = mesh.n_elements();
-  for (index_t first = 0; first < n; first += L)
+  for (index_t first = begin; first < end; first += L)
   {
-    const auto element = eight_of<dim>(mesh.elements, nullptr, first, n);
+    const auto element = eight_of<dim>(mesh.elements, nullptr, first, end);
     std::array<Vec<dim, Lanes>, dim + 1> corner;
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(x.data(), element, c, corner[c]);
     period.join(corner);
     Lanes q_before;
     for (int l = 0; l < L; ++l)
-      q_before.set(l, static_cast<double>(before[static_cast<std::size_t>(std::min(first + l, n - 1))]));
+      q_before.set(l, static_cast<double>(before[static_cast<std::size_t>(std::min(first + l, end - 1))]));
     Lanes least = min(Lanes(limit), Lanes(0.6) * q_before);
     if constexpr (dim == 3)
       least *= least * least;
@@ -63,10 +63,10 @@ template <int dim>
   return false;
 }
 
-template bool is_worse<2>(const FluidMesh<2>&, std::span<const Vec<2>>, std::span<const float>, double,
-                          const Period<2>&);
-template bool is_worse<3>(const FluidMesh<3>&, std::span<const Vec<3>>, std::span<const float>, double,
-                          const Period<3>&);
+template bool is_worse<2>(const FluidMesh<2>&, index_t, index_t, std::span<const Vec<2>>,
+                          std::span<const float>, double, const Period<2>&);
+template bool is_worse<3>(const FluidMesh<3>&, index_t, index_t, std::span<const Vec<3>>,
+                          std::span<const float>, double, const Period<3>&);
 template bool is_strained<2>(std::span<const Simplex<2>>, std::span<const Vec<2>>, std::span<const Vec<2>>,
                              std::span<const double>, double, const Period<2>&);
 template bool is_strained<3>(std::span<const Simplex<3>>, std::span<const Vec<3>>, std::span<const Vec<3>>,

@@ -9,11 +9,12 @@
 namespace undine::fluid
 {
 
-/// An element's quality is below `limit` and below 0.6 of what it was, or not a number.
+/// The quality of one of the elements [begin, end) is below `limit` and below 0.6 of what it was, or not a
+/// number.
 /// @param before quality of each element at the last remesh
 template <int dim>
-bool is_worse(const FluidMesh<dim>& mesh, std::span<const Vec<dim>> x, std::span<const float> before,
-              double limit, const Period<dim>& period);
+bool is_worse(const FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const Vec<dim>> x,
+              std::span<const float> before, double limit, const Period<dim>& period);
 
 /// An edge of the simplices has changed its length by more than `limit` · h since nodes were at x_before.
 template <int dim>

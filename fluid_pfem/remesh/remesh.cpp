@@ -106,11 +106,13 @@ void renumber(std::vector<std::array<index_t, corners>>& simplices, const std::v
 template <int dim>
 void Fluid<dim>::remesh()
 {
+  collect();
   if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
     renumber(gaps_, order_nodes(elements));
     finish_mesh(std::move(elements));
+    find_ghosts();
     return;
   }
   check_state(update_state(
@@ -124,6 +126,8 @@ void Fluid<dim>::remesh()
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
   const std::vector<Vec<dim>> old_x = nodes_.x;
+  if (!solid_.empty())
+    cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {
@@ -169,6 +173,7 @@ void Fluid<dim>::remesh()
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
   hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
+  find_ghosts();
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -234,6 +239,7 @@ void Fluid<dim>::triangulate()
   const auto chosen = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
   std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
                       std::back_inserter(gaps_));
+  find_ghosts();
 }
 
 template <int dim>
@@ -292,9 +298,9 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   }
   limit_tension(0, n_nodes);
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
+  cool();
   sums_.reset(n_nodes);
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
-  team_.share_out(n_nodes, mesh_);
   // Elements are sorted by their smallest node.
   const auto elements_below = [this](index_t n)
   {
@@ -304,6 +310,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   };
   e_wet_ = elements_below(n_wet_);
   e_layer_ = elements_below(n_layer_);
+  team_.share_out(n_nodes, mesh_, e_layer_);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v, a = nodes_.a;
@@ -313,6 +320,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (index_t e = 0; e < mesh_.n_elements(); e += element_block)
     add_element_forces(dt_before_, nullptr, e, std::min(e + element_block, mesh_.n_elements()),
                        {.node_begin = 0, .node_end = n_nodes});
+  std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0); // no time has passed
   take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
   add_body_force(0, n_nodes);
   for (const index_t n : constrained_)
@@ -342,7 +350,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
     quality_[e] = static_cast<float>(quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e], nodes_.period)));
   if (!contact_.empty())
-    contact_.find_candidates(nodes_.x, config_.element_size);
+    contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
   ++surface_epoch_;
 }
 

@@ -123,7 +123,7 @@ TEST_CASE("the boundary groups of a Gmsh mesh are walls of their names", "[fluid
   for (const auto& piece : around.pieces())
     CHECK(norm(piece.n - Vec<2>{{0.0, -1.0}}) < 1e-12);
   std::vector<Vec<2>> x{{{0.5, 0.01}}}, v{{{3.0, -5.0}}}, a(1);
-  in.find_candidates(x, 0.2);
+  in.find_candidates(x, 0, 1, 0.2);
   in.contact(0.01, x, v, std::vector<double>{1.0}, a, 0.01);
   CHECK((v[0] == Vec<2>{{3.0, -1.0}})); // ends the step on the floor, where two facets meet
 
@@ -297,7 +297,7 @@ TEST_CASE("a no-slip wall takes the node along that touches it", "[fluid][unit]"
   Walls<2> walls({floor}, 0.1, 0.0);
   std::vector<Vec<2>> x{{{0.5, 0.0}}, {{0.6, 0.02}}}, v{{{3.0, -1.0}}, {{3.0, -1.0}}}, a(2);
   const std::vector<double> m{1.0, 1.0};
-  walls.find_candidates(x, 0.2);
+  walls.find_candidates(x, 0, static_cast<index_t>(x.size()), 0.2);
   walls.move_to(0.01);
   walls.contact(0.01, x, v, m, a, 0.01);
   CHECK(v[0][0] == Approx(0.5).epsilon(1e-12));
@@ -323,7 +323,7 @@ TEST_CASE("nodes pass convex corners and stop in corners that two walls make", "
   std::vector<Vec<2>> x{{{0.59, 0.2}}, {{0.99, 0.01}}, {{0.61, 0.21}}},
       v{{{0.5, -1.0}}, {{5.0, -5.0}}, {{-0.5, -1.5}}}, a(3);
   const std::vector<double> m{1.0, 1.0, 1.0};
-  walls.find_candidates(x, 0.2);
+  walls.find_candidates(x, 0, static_cast<index_t>(x.size()), 0.2);
   walls.contact(0.01, x, v, m, a, 0.01);
   CHECK(v[0][0] == 0.5); // slides on the top, one hundredth of a metre from the corner
   CHECK(v[0][1] == Approx(0.0).margin(1e-12));
@@ -347,7 +347,7 @@ TEST_CASE("nodes stay in a box in space and out of one", "[fluid][unit]")
   std::vector<Vec<3>> x{{{0.01, 0.01, 0.01}}, {{0.5, 0.305, 0.5}}, {{0.395, 0.1, 0.5}}, {{0.98, 0.5, 0.3}}},
       v{{{-5.0, -5.0, -5.0}}, {{1.0, -2.0, 0.5}}, {{3.0, 0.2, 0.0}}, {{4.0, 1.0, 0.0}}}, a(4);
   const std::vector<double> m(4, 1.0);
-  walls.find_candidates(x, 0.2);
+  walls.find_candidates(x, 0, static_cast<index_t>(x.size()), 0.2);
   walls.contact(0.01, x, v, m, a, 0.01);
   for (int i = 0; i < 3; ++i)
     CHECK(x[0][i] + 0.01 * v[0][i] == Approx(0.0).margin(1e-12));

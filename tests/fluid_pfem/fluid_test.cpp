@@ -164,9 +164,10 @@ TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by mu
   Fluid<dim> fluid(config);
   StepWorkspace workspace;
   Team team;
-  team.share_out(fluid.nodes().size(), fluid.mesh());
+  Halo halo;
+  team.share_out(fluid.nodes().size(), fluid.mesh(), 0);
   const double claimed =
-      critical_time_step<dim>(fluid.mesh(), fluid.nodes(), config.tait, {}, 0.0, team, workspace);
+      critical_time_step<dim>(fluid.mesh(), fluid.nodes(), config.tait, {}, 0.0, team, halo, workspace);
 
   // a(ε w) is linear in small displacements: acceleration of x + ε w at fixed masses
   FluidNodes<dim> nodes = fluid.nodes();

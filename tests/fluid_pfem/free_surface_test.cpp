@@ -193,7 +193,7 @@ TEST_CASE("nodes slide along walls, stop in corners and are free to leave", "[fl
   std::vector<Vec<2>> x{{{0.05, 0.05}}, {{0.5, 0.02}}, {{0.5, 0.0}}},
       v{{{-8.0, -6.0}}, {{2.0, -5.0}}, {{0.3, 1.0}}}, a(3);
   const std::vector<double> m{1.0, 2.0, 3.0};
-  walls.find_candidates(x, 0.5);
+  walls.find_candidates(x, 0, static_cast<index_t>(x.size()), 0.5);
   walls.contact(0.01, x, v, m, a, 0.01);
   CHECK(x[0][0] + 0.01 * v[0][0] == Approx(0.0).margin(1e-15));
   CHECK(x[0][1] + 0.01 * v[0][1] == Approx(0.0).margin(1e-15));

@@ -62,7 +62,7 @@ TEST_CASE("output does not change the run, and what nobody asked for is not writ
     std::filesystem::create_directories(dir / name / "history");
     std::unique_ptr<FluidOutput<2>> output;
     return dam_break(0.0, 0.3,
-                     [&](double t, const Fluid<2>& fluid, bool frame)
+                     [&](double t, Fluid<2>& fluid, bool frame)
                      {
                        if (!output)
                          output = std::make_unique<FluidOutput<2>>(config, std::vector<ProbeConfig>{}, fluid);

@@ -1,0 +1,107 @@
+// What one step of the fluid costs on several ranks, act by act: the dam break of fluid_speed, or a
+// cube in space, remeshed every 20 steps.
+//
+//   mpirun -n RANKS ranks_speed NODES_OVER_WIDTH STEPS [2|3]
+//
+// prints one JSON object for the slowest rank of each act: seconds per step of processor time, without what
+// was spent waiting for other ranks; messages and bytes per step and rank.
+#include "common/parallel/mpi_ranks.hpp"
+#include "common/time/step_ladder.hpp"
+#include "fluid_pfem/fluid.hpp"
+#include "tests/fluid_pfem/fixtures.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <ctime>
+
+using namespace undine;
+using namespace undine::fluid;
+
+namespace
+{
+
+double cpu_seconds()
+{
+  timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+template <int dim>
+void measure(FluidConfig config, std::int64_t steps)
+{
+  config.remesh.only_if_moved = false; // a remesh every 20 steps, from the first on
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 0.0);
+  Fluid<dim> fluid(config, ranks);
+  const StepLadder ladder;
+  // Step, bound and looks, gather, remesh, waiting; all but the last without waiting.
+  std::array<double, 5> seconds{};
+  const auto clock = [&](std::size_t act, auto&& what)
+  {
+    const double begin = cpu_seconds(), waited = ranks.cost().cpu;
+    what();
+    const double wait = ranks.cost().cpu - waited;
+    seconds[act] += cpu_seconds() - begin - wait;
+    seconds[4] += wait;
+  };
+  double dt = 0.0;
+  const auto wall_begin = std::chrono::steady_clock::now();
+  const Ranks::Cost before = ranks.cost();
+  for (std::int64_t step = 0; step < steps; ++step)
+  {
+    bool remesh = false;
+    if (step > 0 && step % 4 == 0)
+      clock(1, [&] { remesh = fluid.is_distorted(); });
+    if (remesh)
+    {
+      clock(2, [&] { fluid.collect(); });
+      clock(3, [&] { fluid.remesh(); });
+    }
+    if (remesh || step % 8 == 0)
+      clock(1, [&] { dt = ladder.next(dt, fluid.critical_time_step()); });
+    clock(0,
+          [&]
+          {
+            fluid.predict(dt);
+            fluid.solve_free_motion(dt);
+          });
+  }
+  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
+  const Ranks::Cost cost = ranks.cost();
+  const auto per_step = [&](double x) { return x / static_cast<double>(steps); };
+  ranks.max(seconds);
+  const double messages = ranks.max(static_cast<double>(cost.messages - before.messages)),
+               bytes = ranks.max(static_cast<double>(cost.bytes - before.bytes)),
+               waits = ranks.max(static_cast<double>(cost.waits - before.waits));
+  if (ranks.rank() == 0)
+    fmt::print(
+        "{{\"ranks\": {}, \"nodes\": {}, \"steps\": {}, \"remeshes\": {}, \"step_s\": {:.6g}, \"bound_s\": "
+        "{:.6g}, \"gather_s\": {:.6g}, \"remesh_s\": {:.6g}, \"wait_s\": {:.6g}, \"wall_s\": {:.6g}, "
+        "\"messages\": {:.3g}, \"bytes\": {:.6g}, \"waits\": {:.3g}}}\n",
+        ranks.size(), fluid.nodes().size(), steps, fluid.remeshes(), per_step(seconds[0]),
+        per_step(seconds[1]), per_step(seconds[2]), per_step(seconds[3]), per_step(seconds[4]),
+        per_step(wall), per_step(messages), per_step(bytes), per_step(waits));
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+  MPI_Init(&argc, &argv);
+  const double n = argc > 1 ? std::atof(argv[1]) : 22.0;
+  const std::int64_t steps = argc > 2 ? std::atoll(argv[2]) : 200;
+  if (argc > 3 && std::atoi(argv[3]) == 3)
+  {
+    FluidConfig config = test::hydraulic(1.0 / n, 20.0);
+    config.dim = 3;
+    config.gravity = {0.0, -9.81, 0.0};
+    config.size = {1.0, 1.0, 1.0};
+    measure<3>(config, steps);
+  }
+  else
+    measure<2>(test::dam_break_config(0.146 / n), steps);
+  MPI_Finalize();
+  return 0;
+}

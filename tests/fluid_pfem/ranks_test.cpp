@@ -1,0 +1,218 @@
+// The fluid on several ranks has the bits of the fluid on one. Run by mpirun; rank 0 also runs alone.
+#include "common/error.hpp"
+#include "common/parallel/mpi_ranks.hpp"
+#include "common/time/step_ladder.hpp"
+#include "fluid_pfem/fluid.hpp"
+#include "tests/fluid_pfem/fixtures.hpp"
+
+#include <catch2/catch.hpp>
+
+#include <cstdlib>
+#include <optional>
+#include <string>
+
+using namespace undine;
+using namespace undine::fluid;
+
+namespace
+{
+
+/// Steps of each comparison: 1000 in the validation run, fewer in every build.
+std::int64_t steps_wanted(std::int64_t steps)
+{
+  const char* wanted = std::getenv("UNDINE_RANKS_TEST_STEPS");
+  return wanted ? std::atoll(wanted) : steps;
+}
+
+/// One step as run_alone makes it. @returns it remeshed
+template <int dim>
+bool advance(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
+{
+  const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
+  if (remesh)
+    fluid.remesh();
+  if (remesh || step % 8 == 0)
+    dt = ladder.next(dt, fluid.critical_time_step());
+  fluid.predict(dt);
+  fluid.solve_free_motion(dt);
+  return remesh;
+}
+
+/// Names of the fields that differ, and what else does.
+template <int dim>
+std::string differences(FluidNodes<dim> a, FluidNodes<dim> b, const FluidMesh<dim>& mesh_a,
+                        const FluidMesh<dim>& mesh_b)
+{
+  std::string names;
+  std::vector<std::string> of_a;
+  const auto text_of = [](const auto& field)
+  {
+    const auto* bytes = reinterpret_cast<const char*>(field.data());
+    return std::string(bytes, field.size() * sizeof(field.front()));
+  };
+  a.for_each_field([&](const char*, const auto& field) { of_a.push_back(text_of(field)); });
+  std::size_t k = 0;
+  b.for_each_field(
+      [&](const char* name, const auto& field)
+      {
+        if (text_of(field) != of_a[k++])
+          names += std::string(" ") + name;
+      });
+  if (mesh_a.elements != mesh_b.elements)
+    names += " elements";
+  return names;
+}
+
+bool same(const FluidEnergy& a, const FluidEnergy& b)
+{
+  return a.kinetic == b.kinetic && a.internal == b.internal && a.potential == b.potential &&
+         a.dissipated == b.dissipated && a.remesh_gain == b.remesh_gain && a.remesh_loss == b.remesh_loss;
+}
+
+bool same(const FluidMass& a, const FluidMass& b)
+{
+  return a.meshed == b.meshed && a.flying == b.flying && a.dynamic == b.dynamic && a.volume == b.volume;
+}
+
+/// Rank 0 also runs alone, and compares the state at every fiftieth step, at every remesh and at the end.
+template <int dim>
+void check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t least_remeshes)
+{
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
+  const bool first = ranks.rank() == 0;
+  Fluid<dim> part(config, ranks);
+  std::optional<Fluid<dim>> alone;
+  if (first)
+    alone.emplace(config);
+  const StepLadder ladder;
+  double dt_alone = 0.0, dt = 0.0;
+  std::string wrong;
+  std::int64_t step = 0;
+  for (; step < steps; ++step)
+  {
+    const bool remesh = advance(part, step, ladder, dt);
+    if (first && (advance(*alone, step, ladder, dt_alone) != remesh || dt != dt_alone))
+      wrong += " decisions";
+    if (!remesh && step % 50 != 0 && step + 1 != steps)
+      continue;
+    const FluidEnergy energy = part.energy();
+    const FluidMass mass = part.mass_by_state();
+    part.collect();
+    if (first)
+    {
+      if (!same(energy, alone->energy()) || energy.wall_work != alone->energy().wall_work)
+        wrong += " energy";
+      if (!same(mass, alone->mass_by_state()))
+        wrong += " mass";
+      wrong += differences<dim>(part.nodes(), alone->nodes(), part.mesh(), alone->mesh());
+      if (!same(part.energy(), energy) || !same(part.mass_by_state(), mass))
+        wrong += " collected_sums";
+      if (part.walls().impulse() != alone->walls().impulse())
+        wrong += " impulse";
+    }
+    if (ranks.any(!wrong.empty()))
+      break;
+  }
+  INFO("rank " << ranks.rank() << " of " << ranks.size() << ", nodes " << part.nodes().x.size()
+               << ", elements " << part.mesh().n_elements() << ", remeshes " << part.remeshes() << ", step "
+               << step);
+  CHECK(wrong == "");
+  CHECK(part.remeshes() >= least_remeshes);
+  if (!first)
+    return;
+  CHECK(part.ledger().merged == alone->ledger().merged);
+  CHECK(part.ledger().split == alone->ledger().split);
+  CHECK(part.ledger().created == alone->ledger().created);
+  CHECK(part.ledger().dropped == alone->ledger().dropped);
+}
+
+/// A drop that falls into a pool.
+FluidConfig drop_over_pool(double h)
+{
+  FluidConfig config = test::hydraulic(h, 30.0);
+  config.size = {1.0, 0.4, 0.0};
+  config.gravity = {0.0, -9.81, 0.0};
+  config.contact_walls = {test::tank(1.0)};
+  Body drop;
+  drop.shape = Shape::ellipse;
+  drop.origin = {0.3, 0.5, 0.0};
+  drop.size = {0.3, 0.3, 0.0};
+  drop.initial_velocity = {Expression("0.5", ""), Expression("-3", "")};
+  config.more_bodies = {drop};
+  return config;
+}
+
+/// A drop in space that falls onto a plane.
+FluidConfig drop_in_space(double h)
+{
+  FluidConfig config = test::hydraulic(h, 20.0);
+  config.dim = 3;
+  config.shape = Shape::ellipse;
+  config.size = {1.0, 1.0, 1.0};
+  config.initial_velocity = {Expression("0.2", ""), Expression("0", ""), Expression("-2", "")};
+  config.gravity = {0.0, 0.0, -9.81};
+  WallGeometry floor;
+  floor.name = "floor";
+  floor.plane = true;
+  floor.points = {{0.0, 0.0, -0.02}};
+  floor.normal = {0.0, 0.0, 1.0};
+  config.contact_walls = {floor};
+  return config;
+}
+
+} // namespace
+
+TEST_CASE("a dam break has the same bits on any number of ranks", "[ranks]")
+{
+  check_same_bits<2>(test::dam_break_config(0.146 / 24.0), steps_wanted(400), 5);
+}
+
+TEST_CASE("a drop that falls into a pool, leaving the part of its rank, has the same bits", "[ranks]")
+{
+  FluidConfig config = drop_over_pool(1.0 / 40.0);
+  config.terms.mu = 1.0;
+  config.terms.bulk_quadratic = 1.0;
+  config.surface_tension_allowed = false;
+  check_same_bits<2>(config, steps_wanted(400), 5);
+}
+
+TEST_CASE("a drop in space has the same bits on any number of ranks", "[ranks]")
+{
+  check_same_bits<3>(drop_in_space(1.0 / 11.0), steps_wanted(60), 1);
+}
+
+TEST_CASE("ranks and threads together have the same bits, with a force that varies", "[ranks]")
+{
+  FluidConfig config = test::dam_break_config(0.146 / 24.0);
+  config.threads = 2;
+  config.body_force = {Expression("3*sin(20*t)", ""), Expression("y", "")};
+  check_same_bits<2>(config, 40, 0);
+}
+
+TEST_CASE("a periodic space has the same bits", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(1.0 / 36.0, 30.0);
+  config.size = {1.0, 1.0, 0.0};
+  config.period = {1.0, 1.0, 0.0};
+  config.initial_velocity = {Expression("sin(2*pi*y)", ""), Expression("-sin(2*pi*x)", "")};
+  check_same_bits<2>(config, steps_wanted(200), 1);
+}
+
+TEST_CASE("fewer nodes than ranks: some have nothing to do", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(1.0, 30.0);
+  config.gravity = {0.0, -9.81, 0.0};
+  config.contact_walls = {test::tank(2.0)};
+  check_same_bits<2>(config, steps_wanted(200), 0);
+}
+
+TEST_CASE("what needs one rank says so", "[ranks]")
+{
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
+  FluidConfig config = test::box_config<2>(0.5);
+  config.outlets = {{}};
+  if (ranks.alone())
+    CHECK_NOTHROW(Fluid<2>(config, ranks));
+  else
+    CHECK_THROWS_WITH(Fluid<2>(config, ranks), Catch::Contains("fluid.outlet") && Catch::Contains("-n 1"));
+}

@@ -1,0 +1,163 @@
+#!/usr/bin/python3
+"""The fluid on several ranks: the same bytes as on one, and no hang when a rank fails. The real programs.
+
+Example: tests/system/ranks_test.py --build build/release Same.test_a_dam_break
+         tests/system/ranks_test.py --build build/release Longer             (1000 steps and more; label validation)
+
+Truth: the run on one rank. Histories, indices, every data set of every frame and of every checkpoint must be the same bytes.
+"""
+import os
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+
+import h5py
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import programs  # noqa: E402
+from restart_test import contents, sets  # noqa: E402
+
+LIMIT = 240  # [s]
+STALL = 2    # [s]
+MARGIN = 8   # for a machine on which others compute
+
+
+def line_of(case, out, ranks, *options):
+    """mpirun line with the fluid on so many ranks, coupled where the case is."""
+    common = [str(case), "--out", str(out), *options]
+    fluid = ["-n", str(ranks), programs.program("fluid"), *common]
+    if "[coupling]" not in case.read_text() and "[[interface]]" not in case.read_text():
+        return [*programs.MPIRUN, *fluid]
+    return [*programs.MPIRUN, "-n", "1", programs.program("coupler"), *common, ":", *fluid, ":", "-n", "1", programs.program("solid"), *common]
+
+
+def checkpoints(out):
+    """{file and name: bytes} of every data set of every checkpoint of the fluid."""
+    found = {}
+    for path in out.glob("checkpoints/*/fluid.h5"):
+        with h5py.File(path) as file:
+            def visit(name, item, path=path):
+                if isinstance(item, h5py.Dataset):
+                    found[f"{path.relative_to(out)}:{name}"] = item[()].tobytes()
+            file.visititems(visit)
+    return found
+
+
+def steps_of(out):
+    import json
+    summary = json.loads((out / "fluid.json").read_text())
+    summary = summary.get("fluid", summary)
+    return summary.get("steps", summary.get("fluid.steps")), summary.get("remeshes", summary.get("fluid.remeshes"))
+
+
+class RanksTest(programs.SystemTest):
+    def complete(self, line):
+        ended = programs.run(line, LIMIT)
+        self.assertEqual(ended.code, 0, ended.text)
+
+    def same(self, name, ranks, t_end, *settings):
+        """Run the case on each number of ranks, and from a checkpoint of the last one on one rank."""
+        case = programs.ROOT / "cases" / name / "case.toml"
+        options = sets(*settings, f"run.t_end={t_end}", f"output.every={t_end / 4}", f"checkpoint.every={t_end / 2}", "checkpoint.keep=0")
+        first = self.folder / "1"
+        self.complete(line_of(case, first, 1, *options))
+        truth = {**contents(first), **checkpoints(first)}
+        self.assertTrue(any("checkpoints" in k for k in truth))
+        for n in ranks:
+            out = self.folder / str(n)
+            self.complete(line_of(case, out, n, *options))
+            found = {**contents(out), **checkpoints(out)}
+            self.assertEqual(sorted(found), sorted(truth))
+            self.assertEqual([k for k in truth if truth[k] != found[k]], [], f"{n} ranks: not the same bytes")
+        steps, remeshes = steps_of(first)
+        print(f"    {name}: 1 and {ranks} ranks, {steps} steps, {remeshes} remeshes, {sum(map(len, truth.values()))} bytes are the same",
+              file=sys.stderr)
+        # Written by several ranks, continued by one, and the other way round.
+        several = self.folder / str(ranks[-1])
+        for source, n in ((several, 1), (first, ranks[0])):
+            out = self.folder / f"again_{n}"
+            shutil.copytree(source, out)
+            begin = sorted(p.name for p in (out / "checkpoints").iterdir())[0]
+            self.complete(line_of(case, out, n, *options, "--restart", begin))
+            found = contents(out)
+            self.assertEqual([k for k in contents(first) if truth[k] != found[k]], [], f"continued on {n} ranks: not the same bytes")
+
+
+class Same(RanksTest):
+    def test_a_dam_break(self):
+        self.same("dam_break", (2, 8), 0.25, "run.resolution=12")
+
+    def test_an_elastic_gate_in_contact(self):
+        self.same("elastic_gate", (2, 3), 0.004, "run.resolution=24")
+
+    def test_a_column_that_is_subcycled(self):
+        self.same("elastic_column", (2,), 0.02, "run.resolution=24")
+
+
+class Longer(RanksTest):
+    def test_a_dam_break(self):
+        self.same("dam_break", (2, 3, 4, 8), 0.6, "run.resolution=24")
+
+    def test_an_elastic_gate_in_contact(self):
+        self.same("elastic_gate", (2, 3, 4, 8), 0.06, "run.resolution=20")
+
+    def test_waves_and_drops(self):
+        self.same("standing_wave", (2, 4), 0.5, "run.resolution=40")
+
+
+class Failures(RanksTest):
+    def run_and_hit(self, case, ranks, victim, number, *options):
+        """Start the case, send the signal to world rank `victim` when its history grows. @returns how it ended"""
+        line = line_of(case, self.out, ranks, *sets(f"coupling.stall_timeout={STALL}" if case == self.gate else f"run.rank_timeout={STALL}", "run.t_end=1000", *options))
+
+        def act(process):
+            history = self.out / "history" / "mass.csv"
+            begin = time.monotonic()
+            while not (history.is_file() and history.read_text().count("\n") > 6):
+                self.assertLess(time.monotonic() - begin, 60.0, "the run did not start")
+                self.assertIsNone(process.poll(), "the run ended by itself")
+                time.sleep(0.02)
+            for pid, name in programs.descendants(process.pid).items():
+                if name == "fluid_pfem" and f"OMPI_COMM_WORLD_RANK={victim}\0" in Path(f"/proc/{pid}/environ").read_text():
+                    os.kill(pid, number)
+                    return
+            self.fail("no such rank")
+        ended = programs.run(line, STALL * 3 + MARGIN, act)
+        self.assertIsNotNone(ended.code, "still running\n" + ended.text)
+        self.assertEqual(ended.left, [], "processes outlive mpirun")
+        print(f"    {self._testMethodName}: {ended.seconds:.1f} s, exit code {ended.code}", file=sys.stderr)
+        return ended
+
+    dam = programs.ROOT / "cases" / "dam_break" / "case.toml"
+    gate = programs.ROOT / "cases" / "elastic_gate" / "case.toml"
+
+    def test_a_killed_rank_ends_the_run(self):
+        self.assertEqual(self.run_and_hit(self.dam, 3, 2, signal.SIGKILL, "run.resolution=12").code, 137)
+
+    def test_a_silent_rank_is_named(self):
+        ended = self.run_and_hit(self.dam, 3, 1, signal.SIGSTOP, "run.resolution=12")
+        self.assertEqual(ended.code, 36, ended.text)
+        self.assertIn("of this program kept another waiting for 2 s", ended.text)
+
+    def test_a_silent_rank_ends_a_coupled_run(self):
+        ended = self.run_and_hit(self.gate, 2, 2, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001")
+        self.assertEqual(ended.code, 36, ended.text)
+        self.assertIn("fluid", "\n".join(ended.errors()))
+
+    def test_a_rank_that_is_told_to_stop_stops_all(self):
+        ended = self.run_and_hit(self.dam, 3, 2, signal.SIGUSR1, "run.resolution=12")
+        self.assertEqual(ended.code, 3, ended.text)
+        self.assertTrue(list(self.out.glob("checkpoints/*/manifest.toml")))
+
+    def test_what_needs_one_rank_is_refused(self):
+        case = self.folder / "case.toml"
+        case.write_text(self.dam.read_text().split("[[reference]]")[0] + "\n[[fluid.outlet]]\nbox = [5.0, 5.0, 6.0, 6.0]\n")
+        ended = programs.run(line_of(case, self.out, 2, *sets("run.resolution=6")), MARGIN)
+        self.assertEqual(ended.code, 2, ended.text)
+        self.assertIn("fluid.outlet: works on one rank of fluid_pfem, not on 2; start it with -n 1", ended.text)
+
+
+if __name__ == "__main__":
+    programs.main(__doc__)
