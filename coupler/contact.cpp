@@ -65,6 +65,14 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("slid", slid_);
   archive("partner", partner_);
   archive("partner_inverse_mass", partner_inverse_mass_);
+  std::vector<std::array<index_t, 4>> held;
+  for (const Held& k : held_)
+    held.push_back({k.facet[0], k.facet[1], k.neighbour[0], k.neighbour[1]});
+  archive("held", held);
+  held_.clear();
+  for (const auto& k : held)
+    held_.push_back({{k[0], k[1]}, {k[2], k[3]}});
+  archive("dv_fluid", dv_fluid_);
   archive("dv_solid", dv_solid_);
   archive("impulse", impulse_);
   archive("report", report_);
@@ -87,6 +95,72 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
   active_.assign(faces_.size(), 0);
   active_built_.clear();
   search_due_ = true;
+  dv_fluid_.assign(x_.size(), {});
+  find_held();
+}
+
+/// Nodes on a corner whose neighbours on the boundary lie on the sides before and after it.
+template <int dim>
+void UnilateralContact<dim>::find_held()
+{
+  held_.assign(x_.size(), {});
+  if constexpr (dim == 2)
+  {
+    constexpr double same_place = 1e-6, touching = 0.02; // of a facet
+    const double size = before_.facet_size();
+    std::vector<index_t> before(x_.size(), -1), after(x_.size(), -1); // neighbours on the boundary
+    for (const auto& f : faces_)
+    {
+      after[static_cast<std::size_t>(f[0])] = f[1];
+      before[static_cast<std::size_t>(f[1])] = f[0];
+    }
+    for (const auto& corner : before_.convex_corners(side_))
+    {
+      const auto& facet = before_.facets()[static_cast<std::size_t>(corner[0])];
+      const Vec<dim> at = before_.x()[static_cast<std::size_t>(facet[1])];
+      const auto lies_on = [&](index_t node, index_t of_side)
+      {
+        if (node < 0)
+          return false;
+        const Near near = before_.nearest(x_[static_cast<std::size_t>(node)], size);
+        return near.facet >= 0 && std::abs(near.gap) < touching * size &&
+               side_[static_cast<std::size_t>(near.facet)] == side_[static_cast<std::size_t>(of_side)];
+      };
+      for (std::size_t k = 0; k < x_.size(); ++k) // the fluid runs along the solid the other way round
+        if (norm(x_[k] - at) < same_place * size && lies_on(after[k], corner[0]) &&
+            lies_on(before[k], corner[1]))
+          held_[k] = {corner, {before[k], after[k]}};
+    }
+  }
+}
+
+/// Held nodes that the water presses less than what would turn them around the corner slide or leave from the
+/// next step on.
+template <int dim>
+void UnilateralContact<dim>::let_go(double dt, const std::array<std::vector<double>, 2>& v)
+{
+  const auto velocity = [&v](Side side, index_t n)
+  {
+    Vec<dim> w;
+    for (int i = 0; i < dim; ++i)
+      w[i] = v[side][static_cast<std::size_t>(n * dim + i)];
+    return w;
+  };
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    if (Held& held = held_[k]; held.facet[0] >= 0)
+    {
+      Vec<dim> outward{};
+      for (const index_t f : held.facet)
+        outward += after_.normal_of(f);
+      const double pressed = dot(outward, dv_fluid_[k]) / (norm(outward) * dt); // [m/s²]
+      const Vec<dim> V = velocity(Side::solid, after_.facets()[static_cast<std::size_t>(held.facet[0])][1]);
+      double turning = 0.0; // v²/r [m/s²]
+      for (const index_t n : held.neighbour)
+        turning = std::max(turning, norm_squared(velocity(Side::fluid, n) - V) /
+                                        norm(x_[static_cast<std::size_t>(n)] - x_[k]));
+      if (!(pressed > turning))
+        held = {};
+    }
 }
 
 template <int dim>
@@ -197,12 +271,17 @@ void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<
 
 /// Row of a node whose weights have just been appended.
 template <int dim>
-void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_t first_weight)
+void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held)
 {
   constexpr double margin = 0.05; // of a facet: rows that the impulses of others may close
   constexpr double repair = 0.02; // of what a node is inside already, per step: no kick from a remesh
   const auto k = static_cast<std::size_t>(node);
-  Row row{.node = node, .n = n, .begin = first_weight, .end = weights_.size(), .impulse = last_impulse_[k]};
+  Row row{.node = node,
+          .n = n,
+          .begin = first_weight,
+          .end = weights_.size(),
+          .impulse = held ? 0.0 : last_impulse_[k],
+          .held = held};
   Vec<dim> apart = x_end_[k], apart_before = x_[k];
   row.compliance = dot(n, product(inverse_mass_[Side::fluid], node, n));
   for (std::size_t w = row.begin; w < row.end; ++w)
@@ -213,6 +292,11 @@ void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_
     row.compliance += P * P * dot(n, product(inverse_mass_[Side::solid], c, n));
   }
   row.gap = dot(n, apart);
+  if (held)
+  {
+    rows_.push_back(row);
+    return;
+  }
   if (row.gap > margin * 0.5 * reach_ || !(row.compliance > 0.0))
   {
     weights_.resize(first_weight);
@@ -262,7 +346,16 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
   {
     const Near& near = near_[k];
     const std::size_t first = weights_.size();
-    if (!mortar_[k].empty() && norm_squared(normal[k]) > 0.0)
+    if (held_[k].facet[0] >= 0)
+      for (int i = 0; i < dim; ++i)
+      {
+        const std::size_t begin = weights_.size();
+        weights_.push_back({after_.facets()[static_cast<std::size_t>(held_[k].facet[0])][1], 1.0});
+        Vec<dim> e{};
+        e[i] = 1.0;
+        add_row(static_cast<index_t>(k), e, begin, true);
+      }
+    else if (!mortar_[k].empty() && norm_squared(normal[k]) > 0.0)
     {
       weights_.insert(weights_.end(), mortar_[k].begin(), mortar_[k].end());
       add_row(static_cast<index_t>(k), (1.0 / norm(normal[k])) * normal[k], first);
@@ -283,9 +376,12 @@ template <int dim>
 void UnilateralContact<dim>::solve(double dt)
 {
   constexpr int most_sweeps = 200;
+  std::fill(dv_fluid_.begin(), dv_fluid_.end(), Vec<dim>{});
   std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
-  const auto push_solid = [&](const Row& row, double impulse)
+  const auto push = [&](const Row& row, double impulse)
   {
+    dv_fluid_[static_cast<std::size_t>(row.node)] +=
+        product(inverse_mass_[Side::fluid], row.node, impulse * row.n);
     for (std::size_t w = row.begin; w < row.end; ++w)
     {
       const auto n = static_cast<std::size_t>(weights_[w].node);
@@ -297,7 +393,7 @@ void UnilateralContact<dim>::solve(double dt)
     }
   };
   for (const Row& row : rows_)
-    push_solid(row, row.impulse);
+    push(row, row.impulse);
   const double small = 1e-12 * reach_;
   report_.sweeps = 0;
   for (double worst = 2.0 * small; worst > small && report_.sweeps < most_sweeps; ++report_.sweeps)
@@ -305,17 +401,16 @@ void UnilateralContact<dim>::solve(double dt)
     worst = 0.0;
     for (Row& row : rows_)
     {
-      // Each fluid node has one row, so its own change of velocity follows from it.
-      const double of_node = dot(row.n, product(inverse_mass_[Side::fluid], row.node, row.n)) * row.impulse;
+      const double of_node = dot(row.n, dv_fluid_[static_cast<std::size_t>(row.node)]);
       double of_solid = 0.0;
       for (std::size_t w = row.begin; w < row.end; ++w)
         of_solid += weights_[w].P * dot(row.n, dv_solid_[static_cast<std::size_t>(weights_[w].node)]);
       const double gap = row.gap + dt * (of_node - of_solid);
-      const double impulse = std::max(0.0, row.impulse - gap / (dt * row.compliance)),
-                   change = impulse - row.impulse;
+      const double wanted = row.impulse - gap / (dt * row.compliance),
+                   impulse = row.held ? wanted : std::max(0.0, wanted), change = impulse - row.impulse;
       if (change == 0.0)
         continue;
-      push_solid(row, change);
+      push(row, change);
       row.impulse = impulse;
       worst = std::max(worst, std::abs(change) * dt * row.compliance);
     }
@@ -353,16 +448,18 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
   if (!rows_.empty())
   {
     solve(dt);
+    let_go(dt, v);
     ++report_.solves;
     std::fill(last_impulse_.begin(), last_impulse_.end(), 0.0);
   }
   report_.rows = static_cast<int>(rows_.size());
   for (const Row& row : rows_)
   {
-    if (!(row.impulse > 0.0))
+    if (row.impulse == 0.0)
       continue;
     ++report_.touching;
-    last_impulse_[static_cast<std::size_t>(row.node)] = row.impulse;
+    if (!row.held)
+      last_impulse_[static_cast<std::size_t>(row.node)] = row.impulse;
     const Vec<dim> J = row.impulse * row.n;
     const auto add = [&](Side side, index_t n, const Vec<dim>& impulse)
     {

@@ -20,6 +20,12 @@
 // cross the surface ends the step on it, slides freely and may leave. Impulses are equal and opposite:
 // momentum is conserved to round-off. Landing is inelastic and can only lose energy. A node that stays on the
 // surface has n·(v − V) = 0 in every half step, so that lasting contact does no net work.
+//
+// In the plane a node that lies on a sharp corner of the solid, with water on both sides of the corner, is
+// held there by both components of Λ: the facets of a node that slides around would cut the corner off, and
+// the water that they cover is lost when they are replaced. It is let go when the water presses it on the
+// corner with less than what turns a node of its mass around there, at the speed and distance of its
+// neighbours on the boundary: such a flow separates.
 #pragma once
 
 #include "common/coupling/messages.hpp"
@@ -79,6 +85,7 @@ private:
     double gap = 0.0;               ///< the gap must grow by at least −gap in this step [m]
     double compliance = 0.0;        ///< n·(m⁻¹ + Σ P² M_c⁻¹) n [1/kg]
     double impulse = 0.0;
+    bool held = false; ///< the gap is closed from both sides
   };
   struct Weight
   {
@@ -89,7 +96,9 @@ private:
   void find_candidates(double travel);
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
-  void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight);
+  void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
+  void find_held();
+  void let_go(double dt, const std::array<std::vector<double>, 2>& v);
   void solve(double dt);
   static std::vector<Vec<dim>> as_points(std::span<const double> values);
   static Vec<dim> product(const std::vector<double>& inverse_mass, index_t n, const Vec<dim>& w);
@@ -118,7 +127,13 @@ private:
   std::vector<Row> rows_;
   std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it
-  std::vector<Vec<dim>> dv_solid_;
+  struct Held
+  {
+    std::array<index_t, 2> facet{-1, -1}; ///< of the solid, before and after the corner; −1: not held
+    std::array<index_t, 2> neighbour{};   ///< on the fluid's boundary
+  };
+  std::vector<Held> held_; ///< per fluid node
+  std::vector<Vec<dim>> dv_fluid_, dv_solid_;
   std::array<Vec<dim>, 2> impulse_{};
   ContactReport report_;
   InterfaceBalance balance_;

@@ -4,16 +4,38 @@
 #include "common/error.hpp"
 
 #include <algorithm>
+#include <initializer_list>
 #include <utility>
 
 namespace undine::coupler
 {
 
+namespace
+{
+
+void append(auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); }
+
+/// What each member says by `receive`, its `parts` one after the other.
+template <class Message>
+Message receive_from(std::span<link::PartnerLink* const> members, Message (link::PartnerLink::*receive)(),
+                     std::initializer_list<std::vector<double> Message::*> parts)
+{
+  Message all = (members[0]->*receive)();
+  for (link::PartnerLink* member : members.subspan(1))
+  {
+    const Message one = (member->*receive)();
+    for (const auto part : parts)
+      append(all.*part, one.*part);
+  }
+  return all;
+}
+
+} // namespace
+
 link::SurfaceMesh join(std::span<const link::SurfaceMesh> surfaces)
 {
   if (surfaces.size() == 1)
     return surfaces[0];
-  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
   link::SurfaceMesh all;
   std::int64_t first_id = 0;
   for (const link::SurfaceMesh& one : surfaces)
@@ -126,14 +148,8 @@ void Group::send_window(const link::Window& window)
 
 link::Kinematics Group::receive_kinematics()
 {
-  link::Kinematics all = members_[0]->receive_kinematics();
-  for (std::size_t k = 1; k < members_.size(); ++k)
-  {
-    const link::Kinematics one = members_[k]->receive_kinematics();
-    all.v.insert(all.v.end(), one.v.begin(), one.v.end());
-    all.a_free.insert(all.a_free.end(), one.a_free.begin(), one.a_free.end());
-  }
-  return all;
+  return receive_from(members(), &link::PartnerLink::receive_kinematics,
+                      {&link::Kinematics::v, &link::Kinematics::a_free});
 }
 
 void Group::send_activation(const link::Activation& activation)
@@ -166,14 +182,7 @@ void Group::send_link_force(std::span<const double> f_link)
 
 link::Motion Group::receive_motion()
 {
-  link::Motion all = members_[0]->receive_motion();
-  for (std::size_t k = 1; k < members_.size(); ++k)
-  {
-    const link::Motion one = members_[k]->receive_motion();
-    all.x.insert(all.x.end(), one.x.begin(), one.x.end());
-    all.v.insert(all.v.end(), one.v.begin(), one.v.end());
-  }
-  return all;
+  return receive_from(members(), &link::PartnerLink::receive_motion, {&link::Motion::x, &link::Motion::v});
 }
 
 bool Group::stop_requested() const

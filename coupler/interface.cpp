@@ -162,7 +162,7 @@ InterfaceOperator Interface::build()
     side[s].inverse_mass = inverse_mass_of(surface_[s]);
   }
   ++builds_;
-  return {std::move(side[Side::fluid]), std::move(side[Side::solid])};
+  return {std::move(side[Side::fluid]), std::move(side[Side::solid]), coupling_.lumped};
 }
 
 void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& m)

@@ -3,15 +3,68 @@
 
 #include "common/error.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
 namespace undine::coupler
 {
 
-InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid)
+namespace
+{
+
+/// Largest eigenvalue of D⁻¹C with D the row sums of C, symmetric and positive semi-definite; infinite if a
+/// row with entries has no positive sum. Without negative entries it is 1 (Perron), and nothing is iterated.
+double largest_over_row_sums(const SparseMatrix& C, const Vector& D)
+{
+  bool negative = false;
+  Vector scale = Vector::Zero(D.size());
+  const double small = 1e-12 * C.diagonal().maxCoeff();
+  for (Eigen::Index k = 0; k < C.outerSize(); ++k)
+  {
+    if (C.coeff(k, k) > small && !(D[k] > small))
+      return std::numeric_limits<double>::infinity();
+    if (D[k] > small)
+      scale[k] = 1.0 / D[k];
+    for (SparseMatrix::InnerIterator it(C, k); it; ++it)
+      negative = negative || it.value() < -small;
+  }
+  double largest = 1.0;
+  Vector x(D.size());
+  for (Eigen::Index k = 0; k < x.size(); ++k)
+    x[k] = std::sin(static_cast<double>(k * k + 1));          // of no symmetry
+  for (int k = 0; negative && k < 200 && x.norm() > 0.0; ++k) // similar to a symmetric matrix
+  {
+    x = (scale.array() * (C * (x / x.norm())).array()).matrix();
+    largest = x.norm();
+  }
+  return largest;
+}
+
+} // namespace
+
+void InterfaceOperator::lump()
+{
+  constexpr double round_off = 1e-9;
+  for (const Side s : both_sides)
+  {
+    lumped_[s] = condensed_[s] * Vector::Ones(condensed_[s].cols());
+    const double largest = largest_over_row_sums(condensed_[s], lumped_[s]);
+    if (largest > 1.0 + round_off)
+      throw InputError(
+          fmt::format("coupling.operator = \"lumped\": unstable here, the largest eigenvalue of the "
+                      "{} side is {:.4g} of its row sums and may be 1 at most\n       put the "
+                      "multipliers on the side with the finer faces (interface.multiplier = "
+                      "\"finer\"), or write operator = \"exact\"",
+                      s == Side::fluid ? "fluid" : "solid", largest));
+  }
+}
+
+InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, bool lumped)
     : side_{std::move(fluid), std::move(solid)}
 {
   require(side_[0].L.rows() == side_[1].L.rows(), "both sides of the interface have the same multipliers");
@@ -32,6 +85,8 @@ InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid)
   held_rows_.resize(n, n);
   held_rows_.setFromTriplets(held.begin(), held.end());
 
+  if (lumped)
+    lump();
   row_scale_ = side_[Side::solid].L.cwiseAbs() * Vector::Ones(side_[Side::solid].L.cols());
 }
 
@@ -60,6 +115,11 @@ Vector InterfaceOperator::solve(double alpha_fluid, double alpha_solid, const Ve
 {
   if (rhs.size() == 0)
     return rhs;
+  if (lumped_[Side::fluid].size() > 0)
+  {
+    const Vector H = alpha_fluid * lumped_[Side::fluid] + alpha_solid * lumped_[Side::solid];
+    return (free_row_ && H.array() > 0.0).select(rhs.array() / H.array(), 0.0).matrix();
+  }
   const std::array<double, 2> weights{alpha_fluid, alpha_solid};
   if (!pattern_known_ || weights != factored_for_)
   {

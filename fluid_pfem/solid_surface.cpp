@@ -24,12 +24,17 @@ void SolidSurface<dim>::show(const link::SurfaceMesh& solid, double t)
       x[n][i] = solid.x[n * dim + static_cast<std::size_t>(i)];
   const bool known = !empty() && x.size() == surface_.x().size();
   speed_ = known ? speed_ : std::numeric_limits<double>::infinity();
+  if (!known)
+    velocity_.assign(x.size(), {});
   if (known && t > t_)
   {
     double largest = 0.0;
     for (std::size_t n = 0; n < x.size(); ++n)
-      largest = std::max(largest, norm_squared(x[n] - surface_.x()[n]));
-    speed_ = std::sqrt(largest) / (t - t_);
+    {
+      velocity_[n] = (1.0 / (t - t_)) * (x[n] - surface_.x()[n]);
+      largest = std::max(largest, norm_squared(velocity_[n]));
+    }
+    speed_ = std::sqrt(largest);
   }
   t_ = t;
   if (known)
@@ -97,6 +102,18 @@ Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double allowed, double de
   for (std::size_t a = 0; a < dim; ++a)
     foot += near.weight[a] * surface_.x()[static_cast<std::size_t>(facet[a])];
   return foot;
+}
+
+template <int dim>
+auto SolidSurface<dim>::convex_corners() const -> std::vector<Corner>
+{
+  std::vector<Corner> corners;
+  for (const auto& [before, after] : surface_.convex_corners(side_))
+  {
+    const auto n = static_cast<std::size_t>(surface_.facets()[static_cast<std::size_t>(before)].back());
+    corners.push_back({surface_.x()[n], velocity_[n]});
+  }
+  return corners;
 }
 
 /// The edge goes in through one side of the solid and out through the opposite one, ends within `tolerance`

@@ -32,6 +32,7 @@ public:
     archive("high", high_);
     archive("t", t_);
     archive("speed", speed_);
+    archive("velocity", velocity_);
   }
 
   bool is_near(const Vec<dim>& x, double reach) const;
@@ -43,14 +44,22 @@ public:
   /// The simplex with these corners lies in the solid, or passes through it.
   /// @param h spacing of the fluid [m]
   bool blocks(std::span<const Vec<dim>> corner, double h) const;
+  struct Corner
+  {
+    Vec<dim> x; ///< [m]
+    Vec<dim> v; ///< mean velocity between the last two calls of show() [m/s]
+  };
+  /// Where two smooth sides meet and the solid is convex; in space none.
+  std::vector<Corner> convex_corners() const;
 
 private:
   bool crossed_by(const Vec<dim>& a, const Vec<dim>& b, double tolerance) const;
   bool outside_box(const Vec<dim>& x, double margin) const;
 
   FacetSurface<dim> surface_;
-  std::vector<int> side_;   ///< of each facet
-  Vec<dim> low_{}, high_{}; ///< bounding box
+  std::vector<int> side_;          ///< of each facet
+  std::vector<Vec<dim>> velocity_; ///< of each node between the last two calls of show() [m/s]
+  Vec<dim> low_{}, high_{};        ///< bounding box
   double t_ = 0.0, speed_ = 0.0;
 };
 

@@ -893,6 +893,9 @@ std::vector<std::string> CaseFile::names_of(std::string_view table) const
   const Node* node = member_of(document_->root, table);
   if (node == nullptr || !is_array_of_tables(*node))
     return {list};
+  // The coupler says in HELLO, in 127 bytes with commas between, which roles it waits for: "fluid" and these.
+  constexpr std::size_t room = 127 - std::string_view("fluid").size();
+  std::size_t said = 0;
   std::vector<std::string> names;
   for (const Node& entry : node->items)
   {
@@ -912,6 +915,13 @@ std::vector<std::string> CaseFile::names_of(std::string_view table) const
                                                                           : "";
     if (!bad.empty())
       document_->fail_at(own->place, fmt::format("{} = {}: {}", name, as_written(*own), bad));
+    said += 1 + own->text.size();
+    if (said > room)
+      document_->fail_at(
+          own->place,
+          fmt::format("{} = {}: the names of all [[{}]] and a byte for each must fit into {} bytes, "
+                      "with this one they take {}: write shorter names",
+                      name, as_written(*own), list, room, said));
     names.push_back(own->text);
   }
   return names;

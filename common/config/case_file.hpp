@@ -106,7 +106,8 @@ public:
 
   /// Entries of [[table]] by their key `name`, in the order of the file; {table} where the case has one
   /// [table], or one entry without a name. @throws InputError for an entry without a name among several, a
-  /// name twice, and one that is no word of letters, digits, '_' and '-' of at most 31 bytes
+  /// name twice, one that is no word of letters, digits, '_' and '-' of at most 31 bytes, and names that are
+  /// too long together for a HELLO
   std::vector<std::string> names_of(std::string_view table) const;
   /// Where the case has a list [[table]], go on with its entry `name` as if it were the only [table]. Empty:
   /// with the only entry. @returns the name. @throws InputError for an unknown name, or none among several

@@ -54,6 +54,15 @@ CouplingConfig read_coupling(const CaseFile& file)
                "gc", {"gc", "staggered"});
   if (config.scheme == "staggered" && config.has_contact())
     t.fail("scheme", "separation = true needs a solid that gives free velocities; write scheme = \"gc\"");
+  config.lumped =
+      t.choice({"operator", "",
+                "exact: velocities meet; lumped: row sums of the interface operator, without a factor, "
+                "for comparison; refused where it is not stable"},
+               "exact", {"exact", "lumped"}) == "lumped";
+  if (config.lumped && (config.scheme == "staggered" || config.has_contact()))
+    t.fail("operator",
+           "only the coupling of surfaces that stay together (scheme = \"gc\", separation = false) can "
+           "be lumped; write operator = \"exact\"");
   for (const InterfaceConfig& i : config.interfaces)
     if (i.separation != config.has_contact())
       t.fail("", "interface '" + i.name +

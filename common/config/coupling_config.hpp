@@ -32,6 +32,7 @@ struct CouplingConfig
   std::vector<InterfaceConfig> interfaces;
   std::vector<std::string> solids = {"solid"}; ///< names, each the role of a program
   std::string scheme = "gc";
+  bool lumped = false;                  ///< the interface operator by its row sums
   std::string fine = "auto";            ///< "auto" | "fluid" | "solid"
   std::optional<std::int64_t> substeps; ///< nothing: "auto"
   std::int64_t substeps_max = 300;

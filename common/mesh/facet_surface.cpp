@@ -129,6 +129,28 @@ std::vector<int> FacetSurface<dim>::patches(double angle) const
 }
 
 template <int dim>
+std::vector<std::array<index_t, 2>> FacetSurface<dim>::convex_corners(std::span<const int> patch) const
+{
+  std::vector<std::array<index_t, 2>> corners;
+  if constexpr (dim == 2)
+  {
+    std::vector<index_t> begins(x_.size(), -1); // the facet that begins at a node
+    for (std::size_t f = 0; f < facets_.size(); ++f)
+      begins[static_cast<std::size_t>(facets_[f][0])] = static_cast<index_t>(f);
+    for (std::size_t f = 0; f < facets_.size(); ++f)
+    {
+      const index_t next = begins[static_cast<std::size_t>(facets_[f][1])];
+      if (next < 0 || patch[f] == patch[static_cast<std::size_t>(next)])
+        continue;
+      const Vec<dim> before = normal_of(static_cast<index_t>(f)), after = normal_of(next);
+      if (before[0] * after[1] - before[1] * after[0] > 0.0)
+        corners.push_back({static_cast<index_t>(f), next});
+    }
+  }
+  return corners;
+}
+
+template <int dim>
 typename FacetSurface<dim>::Bin FacetSurface<dim>::bin_of(const Vec<dim>& p) const
 {
   Bin bin;

@@ -45,7 +45,11 @@ public:
   const std::vector<Facet>& facets() const { return facets_; }
   /// Patches of facets that meet at less than `angle` [rad]: the smooth sides of the body.
   std::vector<int> patches(double angle) const;
-  double facet_size() const; ///< mean length, or square root of twice the mean area [m]
+  /// Pairs of facets of different patches that meet where the body is convex, in the order in which they
+  /// follow each other; in space none.
+  std::vector<std::array<index_t, 2>> convex_corners(std::span<const int> patch) const;
+  Vec<dim> normal_of(index_t facet) const; ///< unit, out of the body
+  double facet_size() const;               ///< mean length, or square root of twice the mean area [m]
 
   /// Facets within `reach` of `p` [m], appended to `found`.
   void within(const Vec<dim>& p, double reach, std::vector<index_t>& found) const;
@@ -90,7 +94,6 @@ private:
     bool interior;   ///< it is inside the facet
   };
   Projection project(const Vec<dim>& p, index_t facet) const;
-  Vec<dim> normal_of(index_t facet) const;
   using Bin = std::array<long, dim>;
   Bin bin_of(const Vec<dim>& p) const;
   /// act(bin) for all bins of the box of which first and last are opposite corners.

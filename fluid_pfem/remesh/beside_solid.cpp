@@ -141,4 +141,49 @@ std::vector<Simplex<3>> fill_beside(const SolidSurface<3>&, std::span<const Vec<
   return {};
 }
 
+template <>
+void cling_to_corners<2>(const SolidSurface<2>& solid, std::span<const Facet<2>> boundary, double reach,
+                         FluidNodes<2>& nodes)
+{
+  constexpr double cut = 0.02; // of the spacing: nearer than this a node is on the surface
+  const auto corners = solid.convex_corners();
+  for (const auto& corner : corners)
+  {
+    index_t nearest = -1;
+    double distance = 0.0;
+    for (const auto& [a, b] : boundary)
+    {
+      const Vec<2> from = nodes.x[static_cast<std::size_t>(a)],
+                   edge = nodes.x[static_cast<std::size_t>(b)] - from, to_corner = corner.x - from;
+      const double spacing = nodes.h[static_cast<std::size_t>(a)], length = norm(edge),
+                   depth = (edge[0] * to_corner[1] - edge[1] * to_corner[0]) / length,
+                   along = dot(edge, to_corner) / length;
+      if (depth < cut * spacing || depth > reach * spacing || along < 0.0 || along > length)
+        continue;
+      const index_t n = 2.0 * along < length ? a : b;
+      const double d = norm(nodes.x[static_cast<std::size_t>(n)] - corner.x);
+      if (d < reach * spacing && (nearest < 0 || d < distance))
+      {
+        nearest = n;
+        distance = d;
+      }
+    }
+    if (nearest < 0)
+      continue;
+    const auto n = static_cast<std::size_t>(nearest);
+    const bool crowded =
+        std::any_of(corners.begin(), corners.end(),
+                    [&](const auto& other)
+                    { return &other != &corner && norm(other.x - corner.x) < reach * nodes.h[n]; });
+    if (!crowded &&
+        nodes.p[n] > nodes.rho[n] * norm_squared(nodes.v[n] - corner.v)) // room for a node of each
+      nodes.x[n] = corner.x;
+  }
+}
+
+template <>
+void cling_to_corners<3>(const SolidSurface<3>&, std::span<const Facet<3>>, double, FluidNodes<3>&)
+{
+}
+
 } // namespace undine::fluid

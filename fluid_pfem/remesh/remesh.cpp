@@ -126,6 +126,8 @@ void Fluid<dim>::remesh()
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
   const std::vector<Vec<dim>> old_x = nodes_.x;
+  if (!solid_.empty())
+    cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {

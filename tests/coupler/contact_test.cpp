@@ -216,6 +216,48 @@ TEST_CASE("Sustained contact does no work and makes no gap: a node slides down a
   CHECK(x - 0.05 == Approx(s * std::cos(angle)).epsilon(1e-9));
 }
 
+// A roof with its ridge at x = 0.5, and three nodes of the water on it with their two faces. The node on the
+// ridge meets the solid's node there as two masses in a perfectly plastic impact, whichever way it goes; when
+// less presses it than would turn it around, here v²/r with v = 0.9 m/s of its neighbours 0.7 m away, it is
+// held for one more step.
+TEST_CASE("A node on a sharp corner with water on both sides is held there while the water presses it enough")
+{
+  const auto roof = [](double x) { return -std::abs(x - 0.5); };
+  const double m = 0.3, M = 0.8, dt = 1e-3;
+  const auto solid = sheet<2>(3, roof, M, true);
+  auto fluid = sheet<2>(3, roof, m, true);
+  fluid.face_nodes = {0, 1, 1, 2}; // the water above is on their left
+  UnilateralContact<2> contact(fluid, solid);
+  std::array<std::vector<double>, 2> v{std::vector<double>{0.0, 0.9, 0.4, -0.3, 0.0, 0.9},
+                                       std::vector<double>(6, 0.0)},
+      f;
+  const auto step = [&](double vx, double vy)
+  {
+    v[Side::fluid][2] = vx;
+    v[Side::fluid][3] = vy;
+    contact.advance(dt, v, f);
+    for (int i = 0; i < 2; ++i)
+      v[Side::solid][2 + static_cast<std::size_t>(i)] +=
+          dt * f[Side::solid][2 + static_cast<std::size_t>(i)] / M;
+  };
+  const auto expect_common = [&](double vx, double vy, double Vx, double Vy)
+  {
+    CHECK(v[Side::solid][2] == Approx((m * vx + M * Vx) / (m + M)));
+    CHECK(v[Side::solid][3] == Approx((m * vy + M * Vy) / (m + M)));
+    CHECK(vx + dt * f[Side::fluid][2] / m == Approx(v[Side::solid][2]));
+    CHECK(vy + dt * f[Side::fluid][3] / m == Approx(v[Side::solid][3]));
+  };
+  step(0.4, -0.3);
+  expect_common(0.4, -0.3, 0.0, 0.0);
+  double Vx = v[Side::solid][2], Vy = v[Side::solid][3];
+  // Pressed with (v - v_common)/dt: 1.4 m/s² would turn it, here it is 1 m/s².
+  step(-0.2, Vy - 0.001 * (m + M) / M);
+  expect_common(-0.2, Vy - 0.001 * (m + M) / M, Vx, Vy);
+  step(-0.2, 1.0);
+  CHECK(f[Side::fluid][2] == 0.0);
+  CHECK(f[Side::fluid][3] == 0.0);
+}
+
 TEST_CASE("The impulses solve the complementarity problem of many rows on a light solid")
 {
   const auto solid = sheet<2>(

@@ -1,4 +1,5 @@
 // Mortar projection: what must be exact on flat interfaces, and what stays exact on curved ones.
+#include "common/error.hpp"
 #include "coupler/mortar.hpp"
 
 #include <catch2/catch.hpp>
@@ -275,4 +276,51 @@ TEST_CASE("an interface whose ends are held on both sides has a positive definit
   CHECK(lambda[0] == 0.0); // x of the first end
   CHECK(lambda[4] == 0.0); // x of the last end
   CHECK(lambda[2] != 0.0);
+}
+
+// H_L − H is positive semi-definite where multipliers are dual and on the finer side: the theorem asks it of
+// any vector, so it is asked of a hundred. On the coarser side the row sums are too small, and lumping is
+// refused.
+TEST_CASE("the lumped operator is no smaller than the exact one, or refused", "[coupler][unit]")
+{
+  const auto lower = sheet<2>(9, true, 1, flat, false), upper = sheet<2>(4, false, 7, flat, false);
+  const auto sides = [&](bool on_finer)
+  {
+    ConstraintRows rows;
+    append_constraints<2>(on_finer ? integrate_mortar<2>(lower, upper, 0.5)
+                                   : integrate_mortar<2>(upper, lower, 0.5),
+                          on_finer ? Side::fluid : Side::solid, InterfaceKind::no_slip, rows);
+    std::array<InterfaceSide, 2> side;
+    for (const Side s : both_sides)
+    {
+      const auto& sheet = s == Side::fluid ? lower : upper;
+      const auto A = nodal_measure<2>(sheet);
+      const auto n = static_cast<Eigen::Index>(2 * A.size());
+      side[s].L = SparseMatrix(rows.count, n);
+      side[s].L.setFromTriplets(rows.entries[s].begin(), rows.entries[s].end());
+      side[s].inverse_mass = SparseMatrix(n, n);
+      for (Eigen::Index k = 0; k < n; ++k)
+        side[s].inverse_mass.insert(k, k) = 1.0 / A[static_cast<std::size_t>(k / 2)];
+    }
+    return side;
+  };
+  const auto side = sides(true);
+  InterfaceOperator exact(side[0], side[1]), lumped(side[0], side[1], true);
+  const SparseMatrix H = exact.assemble(0.3, 2.0);
+  Vector inverse = lumped.solve(0.3, 2.0, Vector::Ones(H.rows())); // of the diagonal H_L
+  std::mt19937 random(4);
+  std::normal_distribution<double> any;
+  for (int k = 0; k < 100; ++k)
+  {
+    Vector x(H.rows());
+    for (double& value : x)
+      value = any(random);
+    const double bound = (x.array().square() / inverse.array()).sum();
+    CHECK(x.dot(H * x) <= bound * (1.0 + 1e-12));
+  }
+  // The same answer for what all multipliers say alike: a uniform jump.
+  CHECK((H * Vector::Ones(H.rows()) - inverse.cwiseInverse()).norm() < 1e-12 * inverse.cwiseInverse().norm());
+  CHECK(lumped.factorisations() == 0);
+  const auto coarse = sides(false);
+  CHECK_THROWS_AS(InterfaceOperator(coarse[0], coarse[1], true), InputError);
 }

@@ -1,6 +1,7 @@
 // Delaunay, alpha shape, connectivity, and the remesh of a moving fluid.
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
+#include "fluid_pfem/remesh/beside_solid.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -282,4 +283,37 @@ TEMPLATE_TEST_CASE_SIG("a remesh keeps the pressure field, velocities and the vo
   // below 1e-4
   CHECK(std::abs(volume(fluid.nodes()) / V - 1.0) < 1e-4);
   CHECK(std::abs(fluid.mass() / mass - 1.0) < 1e-4);
+}
+
+TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's nearer node")
+{
+  link::SurfaceMesh square; // [0, 1]², the body on the left of its faces
+  square.dim = 2;
+  square.node_id = {0, 1, 2, 3};
+  square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
+  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
+  square.face_offset = {0, 2, 4, 6, 8};
+  SolidSurface<2> solid;
+  solid.show(square, 0.0);
+  const std::vector<Facet<2>> facet{
+      {0, 1}};        // from the bottom to the left side, the water below and left of it
+  double speed = 0.9; // of 1 m/s, at which rho v^2 = p
+  const auto ends = [&](const Vec<2>& on_bottom, const Vec<2>& on_left)
+  {
+    FluidNodes<2> nodes;
+    nodes.x = {on_bottom, on_left};
+    nodes.v.assign(2, {{0.0, speed}});
+    nodes.rho.assign(2, 1000.0);
+    nodes.p.assign(2, 1000.0);
+    nodes.h.assign(2, 0.1);
+    cling_to_corners<2>(solid, facet, 0.45, nodes);
+    return nodes.x;
+  };
+  CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.0}});
+  CHECK(ends({{0.04, 0.0}}, {{0.0, 0.09}})[0] == Vec<2>{{0.0, 0.0}});
+  CHECK(ends({{0.1, 0.0}}, {{-0.03, -0.001}})[1] == Vec<2>{{-0.03, -0.001}}); // passes before the corner
+  CHECK(ends({{0.1, 0.0}}, {{0.0, 0.0005}})[1] == Vec<2>{{0.0, 0.0005}});     // hardly in it
+  CHECK(ends({{0.06, 0.0}}, {{0.0, 0.06}})[0] == Vec<2>{{0.06, 0.0}});        // both too far
+  speed = 1.1;                                                                // too fast for the turn
+  CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.03}});
 }

@@ -62,6 +62,8 @@ BROKEN = [
     ("an interface without a solid", COLUMN, [("[solid]", "[solid_]"), ("[[solid.fix]]", "[[solid_.fix]]")], [], 2, ["unknown table 'solid_': did you mean 'solid'?"]),
     ("a solid and a fluid without an interface", COLUMN, [("[[interface]]", "[[interfaces]]")], [], 2, ["at least one [[interface]] with name, fluid and solid"]),
     ("two solids of one name", GATES, [('name = "right_gate"', 'name = "left_gate"')], [], 2, ['solid[1].name = "left_gate": another entry has this name', "^"]),
+    ("solids whose names are too long together", GATES, [('name = "left_gate"', "".join(f'name = "{c * 31}"\n[[solid]]\n' for c in "abcd") + 'name = "left_gate"')], [], 2,
+     ['solid[3].name = "', "must fit into 122 bytes, with this one they take 128: write shorter names", "^"]),
     ("a surface of no solid", GATES, [('body = "right_gate"', 'body = "rihgt_gate"')], [], 2, ['interface[1].body = "rihgt_gate"', 'did you mean "right_gate"?']),
     ("an interface that does not say of which solid", GATES, [('body = "right_gate"\n', "")], [], 2, ["missing key 'interface[1].body'", "needed where there are several"]),
     ("a misspelt key of one of two solids", GATES, [("[[solid.fix]]\n", "[[solid.fixx]]\n")], [], 2, ["unknown table 'solid.fixx'", "did you mean 'fix'?"]),

@@ -314,3 +314,22 @@ TEST_CASE("the nearest word is found within its distance and not beyond", "[comm
   CHECK(nearest_word("x", {"y"}) == ""); // one letter for another is no misspelling of a one-letter word
   CHECK(nearest_word("", words) == "");
 }
+
+// HELLO has 127 bytes for "fluid" and the names of the solids with commas between: 3 names of 30 and one of
+// 28 are the longest that fit.
+TEST_CASE("names that are too long together for a HELLO are refused where they become so", "[common][unit]")
+{
+  const auto case_with = [](std::size_t last)
+  {
+    std::string text = "schema = 1\n";
+    for (int k = 0; k < 4; ++k)
+      text += "[[solid]]\nname = \"" + std::string(k < 3 ? 30 : last, static_cast<char>('a' + k)) + "\"\n";
+    return text;
+  };
+  const CaseFile fits = parse(case_with(28));
+  CHECK(fits.names_of("solid").size() == 4);
+  const std::string error = error_of([&] { parse(case_with(29)).names_of("solid"); });
+  CHECK(error.find("case.toml:9:") != std::string::npos);
+  CHECK(error.find("must fit into 122 bytes, with this one they take 123: write shorter names") !=
+        std::string::npos);
+}

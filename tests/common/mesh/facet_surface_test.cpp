@@ -140,3 +140,24 @@ TEST_CASE("Beyond the rim of an open surface there is no contact")
   CHECK_FALSE(line.nearest({{-1e-15, 0.1}}, 1.0).beside);     // on the rim up to round-off
   CHECK(line.nearest({{1.0, -0.1}}, 1.0).gap == Approx(0.1)); // walked from left to right, the body is above
 }
+
+TEST_CASE("The convex corners of an L are five of its six")
+{
+  const std::vector<Vec<2>> x{{{0.0, 0.0}}, {{1.0, 0.0}}, {{2.0, 0.0}}, {{2.0, 1.0}},
+                              {{1.0, 1.0}}, {{1.0, 2.0}}, {{0.0, 2.0}}};
+  std::vector<std::int32_t> offset{0}, nodes;
+  for (int k = 0; k < 7; ++k)
+  {
+    nodes.insert(nodes.end(), {k, (k + 1) % 7});
+    offset.push_back(2 * (k + 1));
+  }
+  const FacetSurface<2> surface(x, offset, nodes);
+  std::vector<index_t> corners;
+  for (const auto& [before, after] : surface.convex_corners(surface.patches(0.7)))
+  {
+    corners.push_back(surface.facets()[static_cast<std::size_t>(before)][1]);
+    CHECK(surface.facets()[static_cast<std::size_t>(after)][0] == corners.back());
+  }
+  std::sort(corners.begin(), corners.end());
+  CHECK(corners == std::vector<index_t>{0, 2, 3, 5, 6});
+}
