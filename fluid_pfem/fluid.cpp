@@ -339,6 +339,8 @@ void Fluid<dim>::exchange_mass(double dt)
   const bool flux = config_.terms.residual > 0.0;
   if (!flux && config_.feedback_time <= 0.0)
     return;
+  unbooked_ += dt;
+  const bool book = steps_ % 5 == 0; // its energy: one step stands for five; remeshes come in fours
   const double feedback_rate = config_.feedback_time > 0.0 ? sound_speed() / config_.feedback_time : 0.0;
   team_.each(
       [&](const Share& share)
@@ -346,9 +348,14 @@ void Fluid<dim>::exchange_mass(double dt)
         const auto count = static_cast<std::size_t>(share.node_end - share.node_begin);
         const std::span<const double> rate =
             std::span(mass_rate_).subspan(static_cast<std::size_t>(share.node_begin), flux ? count : 0);
-        fluid::exchange_mass<dim>(rate, feedback_rate, dt, config_.inertia_floor * config_.tait.rho0, nodes_,
-                                  share.node_begin, share.node_end, n_wet_);
+        fluid::exchange_mass<dim>(rate, feedback_rate, dt, config_.inertia_floor * config_.tait.rho0,
+                                  config_.tait, gravity(), config_.surface_tension_allowed, nodes_,
+                                  share.node_begin, share.node_end, n_wet_, unbooked_ / dt,
+                                  std::span(exchange_energy_)
+                                      .subspan(static_cast<std::size_t>(share.node_begin), book ? count : 0));
       });
+  if (book)
+    unbooked_ = 0.0;
 }
 
 template <int dim>
@@ -509,7 +516,7 @@ template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
   const Vec<dim> g = gravity();
-  ExactSum kinetic, internal, potential, wall_work = contact_.work();
+  ExactSum kinetic, internal, potential, exchanged, wall_work = contact_.work();
   const auto [begin, end] = rows_to_sum();
   for (std::size_t i = begin; i < end; ++i)
   {
@@ -521,14 +528,19 @@ FluidEnergy Fluid<dim>::energy() const
       internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
     potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
+  for (const double given : collected_
+                                ? std::span<const double>(exchange_energy_)
+                                : std::span<const double>(exchange_energy_).subspan(begin, end - begin))
+    exchanged.add(given);
   std::vector<double> heat = sums_.heat;
   if (!collected_)
   {
-    ranks().sum({&kinetic, &internal, &potential, &wall_work});
+    ranks().sum({&kinetic, &internal, &potential, &exchanged, &wall_work});
     ranks().gather_rows(heat, blocks_of_ranks());
   }
   FluidEnergy e{.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
   e.dissipated = std::accumulate(heat.begin(), heat.end(), dissipated_);
+  e.exchanged = exchanged_ + exchanged.value();
   e.remesh_gain = remesh_gain_;
   e.remesh_loss = remesh_loss_;
   e.wall_work = wall_work.value();
@@ -595,6 +607,9 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   delaunay_.forget(); // both runs then go on with a rebuild
   archive("e_layer", e_layer_);
   archive("mass_rate", mass_rate_);
+  archive("exchange_energy", exchange_energy_);
+  archive("exchanged", exchanged_);
+  archive("unbooked", unbooked_);
   archive("n_wet", n_wet_);
   archive("n_layer", n_layer_);
   archive("e_wet", e_wet_);

@@ -29,6 +29,7 @@ struct FluidEnergy
   double internal = 0.0;       ///< Σ m e(ρ)
   double potential = 0.0;      ///< −Σ m g·x
   double dissipated = 0.0;     ///< by viscosity and bulk viscosity, cumulated
+  double exchanged = 0.0;      ///< given by what moves mass between nodes (exchange and feedback), cumulated
   double remesh_gain = 0.0;    ///< rises of the sum of the three first at remeshes, cumulated, ≥ 0
   double remesh_loss = 0.0;    ///< falls of it, cumulated, ≤ 0
   double wall_work = 0.0;      ///< done by contact with rigid walls on the fluid, cumulated
@@ -240,18 +241,21 @@ private:
   std::vector<double> fastest_;              ///< squared speed of the fastest node of each share [m²/s²]
   std::vector<index_t> bad_; ///< a node of each share whose elements have turned over, or −1
   mutable StepWorkspace workspace_;
-  std::vector<double> mass_rate_;    ///< stabilising mass flux into each node [kg/s]
-  index_t n_wet_ = 0;                ///< nodes on an interface
-  index_t n_layer_ = 0;              ///< wet nodes and their neighbours
-  index_t e_wet_ = 0;                ///< elements that touch wet nodes
-  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
-  std::vector<index_t> constrained_; ///< nodes on walls of the box
-  std::vector<double> f_link_;       ///< last link force, n_wet × dim
-  std::vector<float> quality_;       ///< of each element at the last remesh
-  std::vector<Vec<dim>> x_remesh_;   ///< positions at the last remesh
-  std::vector<Simplex<dim>> gaps_;   ///< between boundaries of the fluid, at the last remesh
-  std::int64_t good_for_ = 0;        ///< so many times remesh_every the mesh was found to be still good
-  double travelled_ = 0.0;           ///< by the fastest nodes since the last remesh [m]
+  std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
+  std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]
+  double unbooked_ = 0.0;               ///< time since that was last booked [s]
+  double exchanged_ = 0.0;              ///< the same of all nodes before the last remesh [J]
+  index_t n_wet_ = 0;                   ///< nodes on an interface
+  index_t n_layer_ = 0;                 ///< wet nodes and their neighbours
+  index_t e_wet_ = 0;                   ///< elements that touch wet nodes
+  index_t e_layer_ = 0;                 ///< elements that touch wet nodes or their neighbours
+  std::vector<index_t> constrained_;    ///< nodes on walls of the box
+  std::vector<double> f_link_;          ///< last link force, n_wet × dim
+  std::vector<float> quality_;          ///< of each element at the last remesh
+  std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh
+  std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
+  std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
+  double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh

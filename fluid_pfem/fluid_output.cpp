@@ -116,13 +116,15 @@ template <int dim>
 FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes,
                               const Fluid<dim>& fluid)
     : config_(output), frames_(output.dir, "fluid"),
-      energy_(output.dir, "fluid_energy",
-              fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
-                          "dissipated - interface_work - wall_work - "
-                          "remesh_gain - remesh_loss - openings changes only by what the stabilisation moves",
-                          dim == 2 ? " per metre of depth" : ""),
-              {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "remesh_gain[J]",
-               "remesh_loss[J]", "wall_work[J]", "interface_work[J]", "openings[J]"}),
+      energy_(
+          output.dir, "fluid_energy",
+          fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
+                      "dissipated - exchanged - interface_work - wall_work - "
+                      "remesh_gain - remesh_loss - openings keeps its value; exchanged: given by what moves "
+                      "mass between nodes",
+                      dim == 2 ? " per metre of depth" : ""),
+          {"kinetic[J]", "internal[J]", "potential[J]", "dissipated[J]", "exchanged[J]", "remesh_gain[J]",
+           "remesh_loss[J]", "wall_work[J]", "interface_work[J]", "openings[J]"}),
       mass_(output.dir, "mass",
             fmt::format("particle mass in elements, flying and deleted; mass of the density field; volume{}; "
                         "volume_error = rho0 volume / "
@@ -343,8 +345,8 @@ template <int dim>
 void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
   const FluidEnergy e = fluid.energy();
-  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.remesh_gain, e.remesh_loss,
-                    e.wall_work, e.interface_work, e.openings});
+  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.exchanged, e.remesh_gain,
+                    e.remesh_loss, e.wall_work, e.interface_work, e.openings});
   const auto& nodes = fluid.nodes();
   const FluidMass m = fluid.mass_by_state();
   const RemeshLedger& r = fluid.ledger();

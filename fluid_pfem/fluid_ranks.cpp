@@ -83,7 +83,7 @@ void Fluid<dim>::collect()
   const auto first = team_.nodes_of_ranks();
   const auto rows = [&](auto&... fields) { (ranks().gather_rows(fields, first), ...); };
   rows(nodes_.x, nodes_.v, nodes_.a, nodes_.m, nodes_.M, nodes_.inertia, nodes_.rho, nodes_.p, nodes_.V,
-       mass_rate_);
+       mass_rate_, exchange_energy_);
   if (!config_.body_force.empty())
   {
     sums_.body.resize(nodes_.x.size());
@@ -99,12 +99,17 @@ void Fluid<dim>::collect()
   collected_ = true;
 }
 
-/// What became heat since the last remesh is booked.
+/// What became heat, and what moved mass brought, since the last remesh is booked.
 template <int dim>
 void Fluid<dim>::cool()
 {
   dissipated_ = std::accumulate(sums_.heat.begin(), sums_.heat.end(), dissipated_);
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0);
+  ExactSum exchanged;
+  for (const double energy : exchange_energy_)
+    exchanged.add(energy);
+  exchanged_ += exchanged.value();
+  exchange_energy_.assign(nodes_.x.size(), 0.0);
 }
 
 template <int dim>

@@ -101,7 +101,8 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
 
 template <int dim>
 void exchange_mass(std::span<const double> mass_rate, double feedback_rate, double dt, double least_mass,
-                   FluidNodes<dim>& nodes, index_t begin, index_t end, index_t free_inertia_from)
+                   const Tait& tait, const Vec<dim>& g, bool tension, FluidNodes<dim>& nodes, index_t begin,
+                   index_t end, index_t free_inertia_from, double weight, std::span<double> energy)
 {
   for (index_t first = begin; first < end; first += Lanes::size)
   {
@@ -122,6 +123,16 @@ void exchange_mass(std::span<const double> mass_rate, double feedback_rate, doub
         fed.set(l, 0.0);
         least.set(l, m[l]);
       }
+    for (int l = 0; l < count && !energy.empty(); ++l)
+    {
+      const std::size_t n = i + static_cast<std::size_t>(l);
+      const auto &x = nodes.x[n], &v = nodes.v[n], &a = nodes.a[n];
+      const bool opened = !tension && (nodes.flag[n] & on_free_surface) && nodes.rho[n] < tait.rho0;
+      const double h_n = opened ? 0.0 : tait.enthalpy(nodes.rho[n]);
+      energy[n - static_cast<std::size_t>(begin)] +=
+          weight * ((0.5 * dot(v, v) - dot(g, x)) * exchanged[l] + h_n * (exchanged[l] + fed[l]) +
+                    dt * dot(v, (M[l] - nodes.inertia[n]) * a - (M[l] - m[l]) * g));
+    }
     const Lanes m_new = m + (exchanged + fed);
     store_lanes(m_new, &nodes.m[i], count);
     store_lanes(M + exchanged, &nodes.M[i], count);
@@ -141,13 +152,13 @@ template void add_element_volumes<2>(const FluidMesh<2>&, const index_t*, index_
                                      FluidNodes<2>&);
 template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&,
                                                 index_t, index_t);
-template void exchange_mass<2>(std::span<const double>, double, double, double, FluidNodes<2>&, index_t,
-                               index_t, index_t);
+template void exchange_mass<2>(std::span<const double>, double, double, double, const Tait&, const Vec<2>&,
+                               bool, FluidNodes<2>&, index_t, index_t, index_t, double, std::span<double>);
 template void add_element_volumes<3>(const FluidMesh<3>&, const index_t*, index_t, index_t, const Share&,
                                      FluidNodes<3>&);
 template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&,
                                                 index_t, index_t);
-template void exchange_mass<3>(std::span<const double>, double, double, double, FluidNodes<3>&, index_t,
-                               index_t, index_t);
+template void exchange_mass<3>(std::span<const double>, double, double, double, const Tait&, const Vec<3>&,
+                               bool, FluidNodes<3>&, index_t, index_t, index_t, double, std::span<double>);
 
 } // namespace undine::fluid

@@ -39,8 +39,17 @@ index_t update_density_and_pressure(const FluidMesh<dim>& mesh, const Tait& tait
 /// stays
 /// @param least_mass of Newton's law, over the regular volume of a node [kg/m^dim]
 /// @param free_inertia_from nodes below keep their mass of Newton's law: the coupler was told it
+/// @param g      gravity [m/s²]
+/// @param tension false: nodes of the free surface below ρ₀ have no internal energy
+/// @param weight of this step in `energy`: time since its last call with one, over dt
+/// @param energy empty: nobody asks; takes what each of these nodes gained of Σ ½Mv² + me − Mg·x [J]
+/// otherwise than by forces on moved
+///               mass: μ = ½v² − g·x + h per exchanged and h per fed back mass, h = e + p/ρ; and, because
+///               forces and weight act on the masses of Newton's law and of the density field instead of M,
+///               v·((M − inertia) a − (M − m) g) Δt
 template <int dim>
 void exchange_mass(std::span<const double> mass_rate, double feedback_rate, double dt, double least_mass,
-                   FluidNodes<dim>& nodes, index_t begin, index_t end, index_t free_inertia_from);
+                   const Tait& tait, const Vec<dim>& g, bool tension, FluidNodes<dim>& nodes, index_t begin,
+                   index_t end, index_t free_inertia_from, double weight, std::span<double> energy);
 
 } // namespace undine::fluid

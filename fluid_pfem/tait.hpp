@@ -53,6 +53,15 @@ struct Tait
     const double l = std::log(r);
     return B / rho0 * (std::expm1((gamma - 1.0) * l) / (gamma - 1.0) + std::expm1(-l));
   }
+  /// Enthalpy e + (p − p₀)/ρ: what mass added at constant volume brings into the energy [J/kg].
+  double enthalpy(double rho) const
+  {
+    const double r = rho / rho0;
+    if (gamma == 1.0)
+      return B / rho0 * std::log(r);
+    const double r2 = r * r, power = gamma == 7.0 ? r2 * r2 * r2 : std::pow(r, gamma - 1.0);
+    return B / rho0 * gamma / (gamma - 1.0) * (power - 1.0);
+  }
   /// Density at rest under `depth` of fluid with surface pressure p₀: ∫dp/ρ = g·depth in closed form.
   double hydrostatic_density(double g_depth) const
   {

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Error against run time of coupled cases: four cases on three or four meshes each, and the column with other step ratios.
 
     scripts/benchmark coupled_error

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """What each part of the coupling buys: equal steps against sub-cycled, exact against lumped multipliers, conventional staggering.
 
     scripts/benchmark coupling_ablation [--repeat 3]

@@ -116,14 +116,19 @@ TEST_CASE("a drop in a central force oscillates with its period and keeps its ar
 
 // Truth: the converged front of the free-slip, suddenly released column, Z(1.98) = 2.65 ± 0.03 and Z(2.51)
 // = 3.38 ± 0.04 (T = t√(2g/a)), the same for all resolutions; then the splash: particle mass to round-off,
-// volume within 2 % at any instant.
-TEST_CASE("a dam break has the converged front, and its splash keeps mass and volume",
+// volume within 2 % at any instant. The ledger of energies closes but for what wall contact does to masses
+// that differ from those of Newton's law, and for booking one step of five: 1 % of the energy at the start, a
+// seventh of what the exchange of mass takes until the end.
+TEST_CASE("a dam break has the converged front, and its splash keeps mass, volume and the ledger of energies",
           "[fluid][verification]")
 {
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
   Fluid<2> fluid(dam_break_config(a / 16.0));
   const double M = fluid.mass();
-  double before_impact = 0.0, largest = 0.0, furthest_out = 0.0;
+  const auto unexplained = [](const FluidEnergy& e)
+  { return e.total() + e.dissipated - e.exchanged - e.wall_work - e.remesh_gain - e.remesh_loss; };
+  const double at_start = unexplained(fluid.energy());
+  double before_impact = 0.0, largest = 0.0, furthest_out = 0.0, open = 0.0;
   Series front;
   run_alone<2>(fluid, {.t_end = 12.0 * T}, 0.0,
                [&](double t, const Fluid<2>& f, bool)
@@ -132,17 +137,19 @@ TEST_CASE("a dam break has the converged front, and its splash keeps mass and vo
                  front.y.push_back(front_of(f) / a);
                  const FluidMass m = f.mass_by_state();
                  const double error = std::abs(1000.0 * m.volume / m.meshed - 1.0);
+                 open = std::max(open, std::abs(unexplained(f.energy()) / at_start - 1.0));
                  (t < 3.0 * T ? before_impact : largest) =
                      std::max(t < 3.0 * T ? before_impact : largest, error);
                  for (const auto& x : f.nodes().x)
                    furthest_out = std::max({furthest_out, -x[0], -x[1], x[0] - 4.0 * a});
                });
-  CAPTURE(front.at(1.98 * T), front.at(2.51 * T), before_impact, largest, furthest_out,
+  CAPTURE(front.at(1.98 * T), front.at(2.51 * T), before_impact, largest, furthest_out, open,
           fluid.mass() / M - 1.0, fluid.remeshes());
   CHECK(front.at(1.98 * T) == Approx(2.65).margin(0.03));
   CHECK(front.at(2.51 * T) == Approx(3.38).margin(0.04));
   CHECK(before_impact < 0.005);
   CHECK(largest < 0.02);
+  CHECK(open < 0.01);
   CHECK(furthest_out < 1e-12);
   CHECK(std::abs(fluid.mass() / M - 1.0) < 1e-11);
 }

@@ -33,6 +33,8 @@ TEST_CASE("Tait's sound speed is the slope of its pressure, in both readings", "
       const double de = (tait.internal_energy(rho + d) - tait.internal_energy(rho - d)) / (2.0 * d);
       CHECK(de ==
             Approx((tait.pressure(rho) - tait.p0) / (rho * rho)).epsilon(1e-7).margin(1e-9 * slope / rho));
+      CHECK(tait.enthalpy(rho) ==
+            Approx(tait.internal_energy(rho) + (tait.pressure(rho) - tait.p0) / rho).margin(1e-13 * slope));
     }
   CHECK(printed.sound_speed(1000.0) == Approx(std::sqrt(7.0 * K / 1000.0)).epsilon(1e-14)); // 3924 m/s
   CHECK(usual.sound_speed(1000.0) == Approx(std::sqrt(K / 1000.0)).epsilon(1e-14));         // 1483 m/s

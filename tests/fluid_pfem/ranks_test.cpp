@@ -66,7 +66,8 @@ std::string differences(FluidNodes<dim> a, FluidNodes<dim> b, const FluidMesh<di
 bool same(const FluidEnergy& a, const FluidEnergy& b)
 {
   return a.kinetic == b.kinetic && a.internal == b.internal && a.potential == b.potential &&
-         a.dissipated == b.dissipated && a.remesh_gain == b.remesh_gain && a.remesh_loss == b.remesh_loss;
+         a.dissipated == b.dissipated && a.exchanged == b.exchanged && a.remesh_gain == b.remesh_gain &&
+         a.remesh_loss == b.remesh_loss;
 }
 
 bool same(const FluidMass& a, const FluidMass& b)
