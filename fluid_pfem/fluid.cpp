@@ -515,9 +515,16 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
 template <int dim>
 FluidEnergy Fluid<dim>::energy() const
 {
+  return energy_of_parts(collected_);
+}
+
+/// @param whole every rank sums over all nodes, without asking the others
+template <int dim>
+FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
+{
   const Vec<dim> g = gravity();
   ExactSum kinetic, internal, potential, exchanged, wall_work = contact_.work();
-  const auto [begin, end] = rows_to_sum();
+  const auto [begin, end] = rows_to_sum(whole);
   for (std::size_t i = begin; i < end; ++i)
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
@@ -528,12 +535,11 @@ FluidEnergy Fluid<dim>::energy() const
       internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
     potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
-  for (const double given : collected_
-                                ? std::span<const double>(exchange_energy_)
-                                : std::span<const double>(exchange_energy_).subspan(begin, end - begin))
+  for (const double given : whole ? std::span<const double>(exchange_energy_)
+                                  : std::span<const double>(exchange_energy_).subspan(begin, end - begin))
     exchanged.add(given);
   std::vector<double> heat = sums_.heat;
-  if (!collected_)
+  if (!whole)
   {
     ranks().sum({&kinetic, &internal, &potential, &exchanged, &wall_work});
     ranks().gather_rows(heat, blocks_of_ranks());
@@ -553,7 +559,7 @@ template <int dim>
 FluidMass Fluid<dim>::mass_by_state() const
 {
   ExactSum meshed, flying, dynamic, volume;
-  const auto [begin, end] = rows_to_sum();
+  const auto [begin, end] = rows_to_sum(collected_);
   for (std::size_t i = begin; i < end; ++i)
   {
     const bool flies = nodes_.flag[i] & isolated_node;

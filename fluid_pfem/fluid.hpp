@@ -9,7 +9,7 @@
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
-#include "fluid_pfem/remesh/moving_delaunay.hpp"
+#include "fluid_pfem/remesh/local_delaunay.hpp"
 #include "fluid_pfem/seeding.hpp"
 #include "fluid_pfem/solid_surface.hpp"
 #include "fluid_pfem/walls.hpp"
@@ -171,15 +171,18 @@ private:
   /// The rank that has the wet nodes, if there are any.
   bool has_interface() const { return n_wet_ > 0 && ranks().rank() == 0; }
   index_t n_wet_here() const { return has_interface() ? n_wet_ : 0; }
+  FluidEnergy energy_of_parts(bool whole) const;
   /// Nodes over which this rank sums: its own, or all.
-  std::array<std::size_t, 2> rows_to_sum() const;
+  std::array<std::size_t, 2> rows_to_sum(bool whole) const;
   std::vector<index_t> blocks_of_ranks() const;
   void push_off_walls(double dt);
   std::vector<Vec<dim>> half_step_velocity() const;
   double energy_with(std::span<const Vec<dim>> v_half) const;
   void update_spacing();
   void triangulate();
-  std::vector<Simplex<dim>> triangulation();
+  std::vector<Simplex<dim>> triangulation(std::span<const char> mine);
+  std::vector<char> part_of_rank(const SpacingReport& spacing) const;
+  void put_together(ShapeChoice<dim>& choice) const;
   void finish_mesh(std::vector<Simplex<dim>> elements);
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
@@ -188,15 +191,15 @@ private:
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
                                              std::span<const index_t> number) const;
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                      std::span<Vec<dim>> v_half);
+                      std::vector<Vec<dim>>& v_half);
   std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void drop_fragments(ShapeChoice<dim>& choice) const;
   void pass_openings();
   void find_impedance();
   void let_waves_out(double dt, bool book);
   void take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                 std::span<Vec<dim>> v_half);
-  void smooth_mass_defect(std::span<Vec<dim>> v_half);
+                 std::span<Vec<dim>> v_half, index_t begin, index_t end);
+  void smooth_mass_defect(std::vector<Vec<dim>>& v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void kick(double dt, index_t begin, index_t end);
@@ -230,7 +233,7 @@ private:
   double travel_ = 0.0; ///< of the fastest fluid and solid nodes since the wet nodes were chosen [m]
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
-  MovingDelaunay<dim> delaunay_;
+  LocalDelaunay<dim> delaunay_;
   ElementSums<dim> sums_;
   Team team_;
   Halo halo_;

@@ -8,11 +8,6 @@
 namespace undine::fluid
 {
 
-namespace
-{
-
-/// The corners rotated so that the smallest comes first and the orientation stays: one form for every
-/// simplex.
 template <int dim>
 Simplex<dim> canonical(const Simplex<dim>& e)
 {
@@ -26,6 +21,9 @@ Simplex<dim> canonical(const Simplex<dim>& e)
       c = {c[0], c[2], c[3], c[1]};
   return c;
 }
+
+namespace
+{
 
 /// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as
 /// that is possible.
@@ -160,6 +158,8 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   return mesh;
 }
 
+template Simplex<2> canonical<2>(const Simplex<2>&);
+template Simplex<3> canonical<3>(const Simplex<3>&);
 template std::vector<Simplex<2>> sorted_elements<2>(index_t, std::vector<Simplex<2>>);
 template std::vector<Simplex<3>> sorted_elements<3>(index_t, std::vector<Simplex<3>>);
 template FluidMesh<2> connect<2>(index_t, std::vector<Simplex<2>>);

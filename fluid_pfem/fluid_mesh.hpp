@@ -57,6 +57,11 @@ struct FluidMesh
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }
 };
 
+/// The corners rotated so that the smallest comes first and the orientation stays: one form for every
+/// simplex.
+template <int dim>
+Simplex<dim> canonical(const Simplex<dim>& e);
+
 /// Elements in the one form and order that depend on the set only, of nodes numbered −1 … n_nodes − 1.
 template <int dim>
 std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements);

@@ -113,11 +113,11 @@ void Fluid<dim>::cool()
 }
 
 template <int dim>
-std::array<std::size_t, 2> Fluid<dim>::rows_to_sum() const
+std::array<std::size_t, 2> Fluid<dim>::rows_to_sum(bool whole) const
 {
-  return collected_ ? std::array{std::size_t{0}, nodes_.x.size()}
-                    : std::array{static_cast<std::size_t>(team_.node_begin()),
-                                 static_cast<std::size_t>(team_.node_end())};
+  return whole ? std::array{std::size_t{0}, nodes_.x.size()}
+               : std::array{static_cast<std::size_t>(team_.node_begin()),
+                            static_cast<std::size_t>(team_.node_end())};
 }
 
 /// First block of elements of every rank, and their number.

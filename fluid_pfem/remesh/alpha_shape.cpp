@@ -13,6 +13,9 @@ namespace undine::fluid
 namespace
 {
 
+/// What is larger by this than any threshold is not looked at further.
+constexpr double possible_radius = 2.0;
+
 /// Corners in the order of their numbers, and the smallest wanted spacing.
 template <int dim>
 std::pair<std::array<Vec<dim>, dim + 1>, double> corners_of(Simplex<dim> simplex, std::span<const Vec<dim>> x,
@@ -101,6 +104,11 @@ std::vector<Simplex<dim>> alpha_shape(std::span<const Vec<dim>> x, std::span<con
   return kept;
 }
 
+double largest_radius(const ShapeRules& rules)
+{
+  return std::max(watched_gap, possible_radius * std::max({rules.keep, rules.create, rules.keep_inner}));
+}
+
 template <int dim>
 ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
@@ -132,7 +140,8 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     const double largest =
         std::max({rules.keep, rules.create, boundary <= dim && rules.gap > 0.0 ? rules.keep_inner : 0.0});
     const bool watched = boundary > 0 && R <= watched_gap * h,
-               possible = R <= 2.0 * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h;
+               possible =
+                   R <= possible_radius * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h;
     if (!(watched || possible) || on_one_piece<dim>(simplex, wall_pieces))
       continue;
     if (watched)
@@ -153,7 +162,6 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
   const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period);
 
   ShapeChoice<dim> choice;
-  choice.gained.assign(nodes.x.size(), 0.0);
   for (std::size_t d = 0; d < doubtful.size(); ++d)
   {
     const auto& [s, corner, R, h, boundary] = doubtful[d];
@@ -171,9 +179,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     if (fluid == was_fluid)
       continue;
     const double V = std::abs(signed_volume<dim, double>(corner));
-    (fluid ? choice.created : choice.dropped) += V;
-    for (const index_t n : simplex)
-      choice.gained[static_cast<std::size_t>(n)] += (fluid ? V : -V) / (dim + 1);
+    (fluid ? choice.created : choice.dropped).add(V);
   }
   choice.elements.reserve(delaunay.size());
   for (std::size_t s = 0; s < delaunay.size(); ++s)

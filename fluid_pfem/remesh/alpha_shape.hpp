@@ -4,6 +4,7 @@
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 
+#include "common/parallel/exact_sum.hpp"
 #include "common/tensor.hpp"
 
 #include <array>
@@ -36,11 +37,9 @@ struct ShapeChoice
 {
   std::vector<Simplex<dim>> elements;
   std::vector<Simplex<dim>>
-      gaps; ///< not fluid, with a corner on the boundary and a circumradius below watched_gap · h
-  double created = 0.0; ///< volume that was not fluid before
-  double dropped = 0.0; ///< volume that was fluid before
-  std::vector<double>
-      gained; ///< the difference of both, shared by the corners: volume each node gained by decision
+      gaps;         ///< not fluid, with a corner on the boundary and a circumradius below watched_gap · h
+  ExactSum created; ///< volume that was not fluid before
+  ExactSum dropped; ///< volume that was fluid before
 };
 
 /// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid
@@ -60,5 +59,8 @@ bool becomes_fluid(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, co
 
 /// Between two remeshes gaps are watched up to this circumradius, over the spacing.
 inline constexpr double watched_gap = 6.0;
+
+/// No rule looks at simplices whose circumradius over the spacing is larger.
+double largest_radius(const ShapeRules& rules);
 
 } // namespace undine::fluid

@@ -10,18 +10,6 @@ namespace undine::fluid
 namespace
 {
 
-/// Note that node `from` passes mass to node `to`.
-template <int dim>
-void pass_mass(std::size_t from, std::size_t to, double mass, std::span<const Vec<dim>> v_half,
-               std::span<double> dM, std::span<Received<dim>> received)
-{
-  dM[from] -= mass;
-  dM[to] += mass;
-  received[to].mass += mass;
-  received[to].momentum += mass * v_half[from];
-  received[to].energy += 0.5 * mass * norm_squared(v_half[from]);
-}
-
 /// The part θ ≤ 1 of a change of velocity that takes a rise of kinetic energy away: rise + θ linear + θ²
 /// square = 0.
 double part_of_the_way(double rise, double linear, double square)
@@ -95,7 +83,7 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
 /// @param v_half velocity of the half step, whose energy it is [m/s]
 template <int dim>
 void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
-                                std::span<Vec<dim>> v_half)
+                                std::vector<Vec<dim>>& v_half)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
@@ -185,9 +173,9 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
 /// velocity it received as keeps it. The coupler knows the velocity of wet nodes; they keep it.
 template <int dim>
 void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                           std::span<Vec<dim>> v_half)
+                           std::span<Vec<dim>> v_half, index_t begin, index_t end)
 {
-  for (std::size_t n = 0; n < dM.size(); ++n)
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
   {
     nodes_.M[n] += dM[n];
     if (static_cast<index_t>(n) < n_wet_)
@@ -199,36 +187,56 @@ void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<
 }
 
 /// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
-/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass.
+/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Afterwards M, v
+/// and v_half are right at the nodes and ghosts of each rank.
 template <int dim>
-void Fluid<dim>::smooth_mass_defect(std::span<Vec<dim>> v_half)
+void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
-  std::vector<double> share(n_nodes, 0.0), defect(n_nodes), dM(n_nodes); // share: per edge of an element
+  std::vector<double> share_of_edge(n_nodes, 0.0), dM(n_nodes); // per edge of an element
   std::vector<Received<dim>> received(n_nodes);
   for (index_t n = 0; n < nodes_.size(); ++n)
     if (!mesh_.isolated(n))
-      share[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.fan(n).size());
+      share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.fan(n).size());
+  const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
+  const auto add = [&](const Simplex<dim>& e, const Share& share)
+  {
+    for (std::size_t a = 0; a <= dim; ++a)
+      for (std::size_t b = a + 1; b <= dim; ++b)
+      {
+        const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
+        const bool forward = defect(i) > defect(j);
+        const std::size_t from = forward ? i : j, to = forward ? j : i;
+        const double s = std::min(share_of_edge[i], share_of_edge[j]),
+                     mass = s * std::min(defect(from) - defect(to), std::max(nodes_.M[from], 0.0));
+        if (share.owns(static_cast<index_t>(from)))
+          dM[from] -= mass;
+        if (!share.owns(static_cast<index_t>(to)))
+          continue;
+        dM[to] += mass;
+        received[to].mass += mass;
+        received[to].momentum += mass * v_half[from];
+        received[to].energy += 0.5 * mass * norm_squared(v_half[from]);
+      }
+  };
   for (int sweep = 0; sweep < sweeps; ++sweep)
   {
-    for (std::size_t n = 0; n < n_nodes; ++n)
-      defect[n] = nodes_.M[n] - nodes_.m[n];
-    std::fill(dM.begin(), dM.end(), 0.0);
-    std::fill(received.begin(), received.end(), Received<dim>{});
-    for (const auto& e : mesh_.elements)
-      for (std::size_t a = 0; a <= dim; ++a)
-        for (std::size_t b = a + 1; b <= dim; ++b)
+    team_.each(
+        [&](const Share& share)
         {
-          const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
-          const bool forward = defect[i] > defect[j];
-          const std::size_t from = forward ? i : j, to = forward ? j : i;
-          const double s = std::min(share[i], share[j]);
-          pass_mass<dim>(from, to, s * std::min(defect[from] - defect[to], std::max(nodes_.M[from], 0.0)),
-                         v_half, dM, received);
-        }
-    take_mass(dM, received, v_half);
+          std::fill(dM.begin() + share.node_begin, dM.begin() + share.node_end, 0.0);
+          std::fill(received.begin() + share.node_begin, received.begin() + share.node_end, Received<dim>{});
+          for (const index_t e : share.before)
+            add(mesh_.elements[static_cast<std::size_t>(e)], share);
+          for (index_t e = share.element_begin; e < share.element_end; ++e)
+            add(mesh_.elements[static_cast<std::size_t>(e)], share);
+        });
+    team_.each([&](const Share& share)
+               { take_mass(dM, received, v_half, share.node_begin, share.node_end); });
+    halo_.update(nodes_.M, v_half);
   }
+  halo_.update(nodes_.v);
 }
 
 template class Fluid<2>;

@@ -51,7 +51,7 @@ int in_circle(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d
 // --------------------------------------------------------------------------------------- in space: rebuild
 
 template <int dim>
-void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x)
+void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x, double /*extent*/)
 {
   simplices_ = delaunay(x);
   ++count_.rebuilds;
@@ -80,7 +80,7 @@ template class MovingDelaunay<3>;
 
 // ------------------------------------------------------------------------------------ in the plane: flips
 
-void MovingDelaunay<2>::update(std::span<const Vec<2>> x)
+void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
 {
   at_vertex_.clear();
   const bool known = !triangles_.empty() && x_.size() == x.size() + frame;
@@ -90,7 +90,7 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x)
     ++count_.repairs;
   else
   {
-    rebuild();
+    rebuild(extent);
     ++count_.rebuilds;
   }
   simplices_.clear();
@@ -99,7 +99,7 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x)
       simplices_.push_back({t.v[0] - frame, t.v[1] - frame, t.v[2] - frame});
 }
 
-void MovingDelaunay<2>::rebuild()
+void MovingDelaunay<2>::rebuild(double least_extent)
 {
   Vec<2> lower{{1e300, 1e300}}, upper{{-1e300, -1e300}};
   for (std::size_t n = frame; n < x_.size(); ++n)
@@ -109,7 +109,7 @@ void MovingDelaunay<2>::rebuild()
       upper[i] = std::max(upper[i], x_[n][i]);
     }
   // Far enough for circles of four extents after the points have moved by several extents.
-  const double extent = std::max({upper[0] - lower[0], upper[1] - lower[1], 1e-12});
+  const double extent = std::max({upper[0] - lower[0], upper[1] - lower[1], least_extent, 1e-12});
   const Vec<2> centre = 0.5 * (lower + upper);
   for (std::size_t k = 0; k < frame; ++k)
     x_[k] = centre + Vec<2>{{k & 1 ? 32.0 * extent : -32.0 * extent, k & 2 ? 31.0 * extent : -33.0 * extent}};

@@ -29,7 +29,8 @@ class MovingDelaunay
 public:
   /// Triangulate the points where they are now. Points are those of the last update() after the changes made
   /// by merge(), split() and renumber().
-  void update(std::span<const Vec<dim>> x);
+  /// @param extent the points may be taken to extend at least that far [m]
+  void update(std::span<const Vec<dim>> x, double extent = 0.0);
   /// All simplices whose circumscribed circle is small against the extent of the points, positively oriented:
   /// at least those with a radius below four extents.
   const std::vector<Simplex<dim>>& simplices() const { return simplices_; }
@@ -57,7 +58,7 @@ template <>
 class MovingDelaunay<2>
 {
 public:
-  void update(std::span<const Vec<2>> x);
+  void update(std::span<const Vec<2>> x, double extent = 0.0);
   const std::vector<Simplex<2>>& simplices() const { return simplices_; }
   const DelaunayCount& count() const { return count_; }
   void forget() { triangles_.clear(); }
@@ -77,7 +78,7 @@ private:
   };
 
   bool repair();
-  void rebuild();
+  void rebuild(double least_extent);
   bool positive(const Triangle& t) const;
   bool wants_flip(index_t t, int k, bool may_walk) const;
   void flip(index_t t, int k);

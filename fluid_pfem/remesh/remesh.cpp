@@ -39,18 +39,33 @@ std::array<Vec<dim>, dim + 1> sorted_corners(const FluidNodes<dim>& nodes, Simpl
 
 } // namespace
 
-/// Delaunay simplices of all nodes that the solid leaves room for.
+/// Delaunay simplices, as far as walls and solid leave room for them: all, or those of which a node of `mine`
+/// has the lowest number, up to the circumradius that matters. What fills holes beside a solid, and a
+/// periodic space, need the whole triangulation on every rank.
 template <int dim>
-std::vector<Simplex<dim>> Fluid<dim>::triangulation()
+std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine)
 {
   std::vector<Simplex<dim>> simplices;
   if (nodes_.period.any())
+  {
     simplices = periodic_delaunay<dim>(nodes_.x, nodes_.period);
+    for (auto& e : simplices)
+      e = canonical<dim>(e);
+  }
   else
   {
-    delaunay_.update(nodes_.x);
-    simplices = delaunay_.simplices();
+    const auto part = solid_.empty() ? mine : std::span<const char>{};
+    const double coarsest = *std::max_element(nodes_.h.begin(), nodes_.h.end());
+    delaunay_.update(nodes_.x, part, 2.0 * largest_radius(config_.remesh.shape) * coarsest);
+    simplices = delaunay_.simplices(part);
   }
+  const auto leave_to_others = [&]
+  {
+    if (!mine.empty())
+      std::erase_if(simplices, [&](const Simplex<dim>& e) { return !mine[static_cast<std::size_t>(e[0])]; });
+  };
+  if (solid_.empty())
+    leave_to_others();
   constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
   const auto spacing = [&](const Simplex<dim>& e)
   {
@@ -81,9 +96,41 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation()
                     return blocked;
                   });
     const auto filled = fill_beside<dim>(solid_, nodes_.x, nodes_.h, erased, config_.remesh.shape.keep);
-    simplices.insert(simplices.end(), filled.begin(), filled.end());
+    for (const auto& e : filled)
+      simplices.push_back(canonical<dim>(e));
+    leave_to_others();
   }
   return simplices;
+}
+
+/// 1 for nodes of this rank; a new node is its first parent's. Empty on one rank.
+template <int dim>
+std::vector<char> Fluid<dim>::part_of_rank(const SpacingReport& spacing) const
+{
+  std::vector<char> mine;
+  if (ranks().alone())
+    return mine;
+  const auto n_before = static_cast<std::size_t>(team_.nodes_of_ranks().back());
+  mine.assign(n_before, 0);
+  std::fill(mine.begin() + team_.node_begin(), mine.begin() + team_.node_end(), 1);
+  for (const auto& split : spacing.splits)
+    mine.push_back(mine[static_cast<std::size_t>(split[0])]);
+  for (std::size_t n = 0; n < spacing.new_number.size(); ++n)
+    if (spacing.new_number[n] >= 0)
+      mine[static_cast<std::size_t>(spacing.new_number[n])] = mine[n];
+  mine.resize(nodes_.x.size());
+  return mine;
+}
+
+/// Of the parts that each rank has chosen the whole. Collective.
+template <int dim>
+void Fluid<dim>::put_together(ShapeChoice<dim>& choice) const
+{
+  if (ranks().alone())
+    return;
+  choice.elements = ranks().gather(choice.elements);
+  choice.gaps = ranks().gather(choice.gaps);
+  ranks().sum({&choice.created, &choice.dropped});
 }
 
 namespace
@@ -147,8 +194,9 @@ void Fluid<dim>::remesh()
   if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
-                                              config_.element_size, config_.remesh.shape);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(part_of_rank(spacing)), old_x,
+                                              mesh_.elements, config_.element_size, config_.remesh.shape);
+  put_together(choice);
   drop_fragments(choice);
   // The number that each old node has come to bear; a node that was merged is where the other one is.
   std::vector<index_t> number(old_x.size());
@@ -167,21 +215,23 @@ void Fluid<dim>::remesh()
   gaps_ = std::move(choice.gaps);
   renumber(gaps_, deleted);
   renumber(gaps_, ordered);
+  gaps_ = sorted_elements<dim>(nodes_.size(), std::move(gaps_));
   const std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
-  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
   find_ghosts();
+  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
   ledger_.split += spacing.split;
-  ledger_.created += choice.created;
-  ledger_.dropped += choice.dropped;
+  ledger_.created += choice.created.value();
+  ledger_.dropped += choice.dropped.value();
   const double jump = energy_with(v_half) - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
+  collected_ = ranks().alone();
 }
 
 template <int dim>
@@ -193,14 +243,16 @@ std::vector<Vec<dim>> Fluid<dim>::half_step_velocity() const
   return v;
 }
 
-/// Kinetic, of the given velocities, internal and potential energy [J].
+/// Kinetic, of the given velocities, internal and potential energy [J]. Collective.
 template <int dim>
 double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
 {
   ExactSum kinetic;
-  for (std::size_t n = 0; n < v_half.size(); ++n)
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  for (std::size_t n = begin; n < end; ++n)
     kinetic.add(0.5 * nodes_.M[n] * norm_squared(v_half[n]));
-  FluidEnergy e = energy();
+  ranks().sum({&kinetic});
+  FluidEnergy e = energy_of_parts(ranks().alone());
   e.kinetic = kinetic.value();
   return e.total();
 }
@@ -218,7 +270,7 @@ void Fluid<dim>::update_spacing()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
-  std::vector<Simplex<dim>> delaunay = triangulation();
+  std::vector<Simplex<dim>> delaunay = triangulation({});
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
     std::erase_if(elements,
@@ -448,8 +500,8 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
                                                    return large[i] || (nodes_.surface[i] & kept) != 0;
                                                  });
                   if (!stays)
-                    choice.dropped +=
-                        std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e, nodes_.period)));
+                    choice.dropped.add(
+                        std::abs(signed_volume<dim, double>(corners<dim>(nodes_.x, e, nodes_.period))));
                   return !stays;
                 });
 }

@@ -3,13 +3,14 @@
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/beside_solid.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
-#include "fluid_pfem/remesh/moving_delaunay.hpp"
+#include "fluid_pfem/remesh/local_delaunay.hpp"
 #include "fluid_pfem/simplex.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <random>
 
@@ -160,6 +161,198 @@ TEST_CASE("flips give the triangulation that CGAL gives, in 2000 states of movin
   CHECK(states == 2000);
   CHECK(rebuilds < states / 10);
   CHECK(flips > 2000);
+}
+
+namespace
+{
+
+/// Simplices with circumradii up to `largest` whose lowest corner is marked, or all, in canonical form,
+/// sorted.
+template <int dim>
+std::vector<Simplex<dim>> small_ones(const std::vector<Vec<dim>>& x, std::vector<Simplex<dim>> all,
+                                     double largest, const std::vector<char>& mine = {})
+{
+  for (auto& e : all)
+    e = canonical<dim>(e);
+  std::erase_if(all,
+                [&](Simplex<dim> e)
+                {
+                  if (!mine.empty() && !mine[static_cast<std::size_t>(e[0])])
+                    return true;
+                  std::sort(e.begin(), e.end());
+                  std::array<Vec<dim>, dim + 1> corner;
+                  for (std::size_t a = 0; a <= dim; ++a)
+                    corner[a] = x[static_cast<std::size_t>(e[a])];
+                  return !(circumradius<dim>(corner) <= largest);
+                });
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+/// Points on a lattice of spacing 1 (square or cubic: cocircular everywhere), or pushed off it.
+template <int dim>
+std::vector<Vec<dim>> points_of_lattice(int n, double push, std::mt19937& random)
+{
+  std::uniform_real_distribution<double> u(-push, push);
+  std::vector<Vec<dim>> x;
+  for (int k = 0; k < (dim == 3 ? n : 1); ++k)
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i)
+      {
+        Vec<dim> p;
+        p[0] = i + u(random);
+        p[1] = j + u(random);
+        if constexpr (dim == 3)
+          p[2] = k + u(random);
+        x.push_back(p);
+      }
+  return x;
+}
+
+/// Of three ranges of numbers: simplices that a triangulation of each with its halo lacks or has too many.
+template <int dim>
+std::size_t wrong_simplices(const std::vector<Vec<dim>>& x, double largest, double halo)
+{
+  std::vector<Simplex<dim>> found;
+  for (std::size_t part = 0; part < 3; ++part)
+  {
+    std::vector<char> mine(x.size(), 0);
+    std::fill(mine.begin() + static_cast<std::ptrdiff_t>(part * x.size() / 3),
+              mine.begin() + static_cast<std::ptrdiff_t>((part + 1) * x.size() / 3), 1);
+    std::vector<index_t> number;
+    std::vector<Vec<dim>> near;
+    for (std::size_t n = 0; n < x.size(); ++n)
+    {
+      bool in_halo = false;
+      for (std::size_t m = 0; m < x.size() && !in_halo; ++m)
+        in_halo = mine[m] && norm(x[n] - x[m]) <= halo * (1.0 + 1e-9);
+      if (!in_halo)
+        continue;
+      number.push_back(static_cast<index_t>(n));
+      near.push_back(x[n]);
+    }
+    auto simplices = delaunay(near);
+    for (auto& e : simplices)
+      for (index_t& n : e)
+        n = number[static_cast<std::size_t>(n)];
+    const auto small = small_ones<dim>(x, simplices, largest, mine);
+    found.insert(found.end(), small.begin(), small.end());
+  }
+  std::sort(found.begin(), found.end());
+  const auto truth = small_ones<dim>(x, delaunay(x), largest);
+  std::vector<Simplex<dim>> wrong;
+  std::set_symmetric_difference(found.begin(), found.end(), truth.begin(), truth.end(),
+                                std::back_inserter(wrong));
+  return wrong.size();
+}
+
+template <int dim>
+void check_halo(int n)
+{
+  std::mt19937 random(6);
+  std::size_t wrong_if_half = 0;
+  for (const double push : {0.0, 0.1, 0.3})
+  {
+    const auto x = points_of_lattice<dim>(n, push, random);
+    for (const double alpha : {1.0, 1.3})
+    {
+      CHECK(wrong_simplices<dim>(x, alpha, 2.0 * alpha) == 0);
+      wrong_if_half += wrong_simplices<dim>(x, alpha, alpha);
+    }
+  }
+  CAPTURE(wrong_if_half);
+  CHECK(wrong_if_half > 10);
+}
+
+} // namespace
+
+// A simplex of circumradius R lies with its ball within 2R of each corner: what is further away cannot change
+// it (method: every kept simplex that touches a node is decided within 2 alpha h of it).
+TEST_CASE("points within two largest circumradii decide which simplices are kept; within one they do not",
+          "[fluid][unit]")
+{
+  check_halo<2>(18);
+  check_halo<3>(7);
+}
+
+// The parts are Lagrangian: they mix a little as the vortex shears them, points are merged and split on both
+// sides of a cut, and the numbers are given anew.
+TEST_CASE("parts that are triangulated alone have the simplices of the whole while points move, come and go",
+          "[fluid][unit]")
+{
+  std::mt19937 random(5);
+  constexpr double largest = 1.5;
+  constexpr std::size_t parts = 3;
+  std::vector<Vec<2>> x = points_of_lattice<2>(36, 0.0, random);
+  std::vector<std::size_t> part_of;
+  for (std::size_t n = 0; n < x.size(); ++n)
+    part_of.push_back(n * parts / x.size());
+  std::array<LocalDelaunay<2>, parts> local;
+  std::size_t taken = 0;
+  for (int step = 0; step < 300; ++step)
+  {
+    std::vector<Simplex<2>> found;
+    for (std::size_t part = 0; part < parts; ++part)
+    {
+      std::vector<char> mine;
+      for (const std::size_t p : part_of)
+        mine.push_back(p == part);
+      local[part].update(x, mine, 2.0 * largest);
+      const auto small = small_ones<2>(x, local[part].simplices(mine), largest);
+      found.insert(found.end(), small.begin(), small.end());
+      taken += local[part].size();
+    }
+    std::sort(found.begin(), found.end());
+    REQUIRE((found == small_ones<2>(x, delaunay(x), largest)));
+    for (auto& p : x)
+    {
+      const Vec<2> r{{(p[0] - 17.5) / 17.5, (p[1] - 17.5) / 17.5}};
+      const double speed = 0.4 * std::exp(-norm_squared(r));
+      p[0] -= speed * r[1];
+      p[1] += speed * r[0];
+    }
+    const auto e = found[random() % found.size()];
+    const auto i = static_cast<std::size_t>(e[0]), j = static_cast<std::size_t>(e[1]);
+    std::vector<index_t> number(x.size());
+    if (step % 2 == 0)
+    {
+      for (auto& part : local)
+        part.split(e[0], e[1], static_cast<index_t>(x.size()));
+      x.push_back(0.5 * (x[i] + x[j]));
+      part_of.push_back(part_of[i]);
+      number.resize(x.size());
+      std::iota(number.begin(), number.end(), 0);
+      std::shuffle(number.begin(), number.end(), random);
+      std::vector<Vec<2>> x_before = x;
+      std::vector<std::size_t> part_before = part_of;
+      for (std::size_t n = 0; n < x.size(); ++n)
+      {
+        x[static_cast<std::size_t>(number[n])] = x_before[n];
+        part_of[static_cast<std::size_t>(number[n])] = part_before[n];
+      }
+    }
+    else
+    {
+      for (auto& part : local)
+        part.merge(e[0], e[1]);
+      x[i] = 0.5 * (x[i] + x[j]);
+      for (std::size_t n = 0; n < x.size(); ++n)
+        number[n] = n == j ? -1 : static_cast<index_t>(n - (n > j));
+      x.erase(x.begin() + e[1]);
+      part_of.erase(part_of.begin() + e[1]);
+    }
+    for (auto& part : local)
+      part.renumber(number);
+  }
+  std::int64_t repairs = 0, rebuilds = 0;
+  for (const auto& part : local)
+  {
+    repairs += part.count().repairs;
+    rebuilds += part.count().rebuilds;
+  }
+  CAPTURE(repairs, rebuilds, taken);
+  CHECK(repairs > 2 * rebuilds);
+  CHECK(taken < 2UL * 300 * 36 * 36);
 }
 
 // Merging, splitting and removing points ends in the same triangulation as well.

@@ -1,0 +1,178 @@
+// A triangulation of its own for each rank.
+#include "fluid_pfem/remesh/local_delaunay.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace undine::fluid
+{
+
+template <int dim>
+std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
+{
+  std::vector<index_t> near;
+  if (x.empty())
+    return near;
+  Vec<dim> lower = x[0], upper = x[0];
+  for (const auto& p : x)
+    for (int i = 0; i < dim; ++i)
+    {
+      lower[i] = std::min(lower[i], p[i]);
+      upper[i] = std::max(upper[i], p[i]);
+    }
+  // Cells a little larger than a quarter of the reach, so that rounding cannot put what is in reach into the
+  // fifth; larger still if a drop has flown far.
+  double cell = 0.25 * reach * (1.0 + 1e-9);
+  std::array<std::size_t, dim> cells{};
+  const auto count = [&]
+  {
+    double total = 1.0;
+    for (int i = 0; i < dim; ++i)
+      total *= std::floor((upper[i] - lower[i]) / cell) + 1.0;
+    return total;
+  };
+  while (count() > 4.0 * static_cast<double>(x.size()) + 64.0)
+    cell *= 2.0;
+  const auto rings = static_cast<std::size_t>(std::ceil(reach / cell));
+  std::size_t total = 1;
+  for (std::size_t i = 0; i < dim; ++i)
+  {
+    cells[i] = static_cast<std::size_t>(std::floor((upper.c[i] - lower.c[i]) / cell)) + 1;
+    total *= cells[i];
+  }
+  const auto cell_of = [&](const Vec<dim>& p)
+  {
+    std::size_t c = 0;
+    for (std::size_t i = 0; i < dim; ++i)
+      c = c * cells[i] +
+          std::min(cells[i] - 1, static_cast<std::size_t>(std::floor((p.c[i] - lower.c[i]) / cell)));
+    return c;
+  };
+  std::vector<char> marked(total, 0), wider(total);
+  for (std::size_t n = 0; n < x.size(); ++n)
+    if (mine[n])
+      marked[cell_of(x[n])] = 1;
+  for (std::size_t i = dim, stride = 1; i-- > 0; stride *= cells[i])
+  {
+    std::fill(wider.begin(), wider.end(), 0);
+    for (std::size_t c = 0; c < total; ++c)
+      if (marked[c])
+      {
+        const std::size_t k = c / stride % cells[i];
+        for (std::size_t l = k - std::min(k, rings); l <= std::min(k + rings, cells[i] - 1); ++l)
+          wider[c + l * stride - k * stride] = 1;
+      }
+    marked.swap(wider);
+  }
+  for (std::size_t n = 0; n < x.size(); ++n)
+    if (marked[cell_of(x[n])])
+      near.push_back(static_cast<index_t>(n));
+  return near;
+}
+
+template <int dim>
+void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
+{
+  constexpr double spare =
+      1.5; // nodes move against each other by a part of the reach before the next rebuild
+  std::vector<index_t> needed(x.size());
+  if (mine.empty())
+    std::iota(needed.begin(), needed.end(), 0);
+  else
+    needed = points_near<dim>(x, mine, reach);
+  place_.resize(x.size(), -1);
+  if (std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
+  {
+    delaunay_.forget();
+    number_ = mine.empty() ? std::move(needed) : points_near<dim>(x, mine, spare * reach);
+    place_.assign(x.size(), -1);
+    for (std::size_t k = 0; k < number_.size(); ++k)
+      place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
+  }
+  std::vector<Vec<dim>> taken;
+  taken.reserve(number_.size());
+  for (const index_t n : number_)
+    taken.push_back(x[static_cast<std::size_t>(n)]);
+  delaunay_.update(taken, 2.0 * reach);
+}
+
+template <int dim>
+std::vector<Simplex<dim>> LocalDelaunay<dim>::simplices(std::span<const char> mine) const
+{
+  std::vector<Simplex<dim>> result;
+  result.reserve(delaunay_.simplices().size());
+  for (Simplex<dim> e : delaunay_.simplices())
+  {
+    for (index_t& n : e)
+      n = number_[static_cast<std::size_t>(n)];
+    e = canonical<dim>(e);
+    if (mine.empty() || mine[static_cast<std::size_t>(e[0])])
+      result.push_back(e);
+  }
+  return result;
+}
+
+template <int dim>
+void LocalDelaunay<dim>::forget()
+{
+  delaunay_.forget();
+  number_.clear();
+  place_.clear();
+}
+
+template <int dim>
+void LocalDelaunay<dim>::merge(index_t kept, index_t gone)
+{
+  if (here(gone) >= 0)
+    here(kept) >= 0 ? delaunay_.merge(here(kept), here(gone)) : delaunay_.remove(here(gone));
+}
+
+template <int dim>
+void LocalDelaunay<dim>::split(index_t i, index_t j, index_t added)
+{
+  place_.resize(static_cast<std::size_t>(added) + 1, -1);
+  if (here(i) < 0 || here(j) < 0)
+    return;
+  const auto place = static_cast<index_t>(number_.size());
+  number_.push_back(added);
+  place_[static_cast<std::size_t>(added)] = place;
+  delaunay_.split(here(i), here(j), place);
+}
+
+template <int dim>
+void LocalDelaunay<dim>::remove(index_t gone)
+{
+  if (here(gone) >= 0)
+    delaunay_.remove(here(gone));
+}
+
+template <int dim>
+void LocalDelaunay<dim>::renumber(std::span<const index_t> new_number)
+{
+  // Places stay in the order of the numbers: of points that coincide the one of the lowest number counts.
+  std::vector<std::array<index_t, 2>> order; // new number, old place
+  for (std::size_t k = 0; k < number_.size(); ++k)
+    if (const index_t n = new_number[static_cast<std::size_t>(number_[k])]; n >= 0)
+      order.push_back({n, static_cast<index_t>(k)});
+  if (!std::is_sorted(order.begin(), order.end()))
+    std::sort(order.begin(), order.end());
+  std::vector<index_t> new_place(number_.size(), -1);
+  place_.assign(new_number.size(), -1);
+  number_.resize(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k)
+  {
+    number_[k] = order[k][0];
+    new_place[static_cast<std::size_t>(order[k][1])] = static_cast<index_t>(k);
+    place_[static_cast<std::size_t>(order[k][0])] = static_cast<index_t>(k);
+  }
+  delaunay_.renumber(new_place);
+}
+
+template std::vector<index_t> points_near<2>(std::span<const Vec<2>>, std::span<const char>, double);
+template std::vector<index_t> points_near<3>(std::span<const Vec<3>>, std::span<const char>, double);
+template class LocalDelaunay<2>;
+template class LocalDelaunay<3>;
+
+} // namespace undine::fluid
