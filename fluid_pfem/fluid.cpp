@@ -602,8 +602,6 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   }
   nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
   archive("elements", mesh_.elements);
-  if (archive.reading())
-    mesh_ = connect<dim>(nodes_.size(), std::move(mesh_.elements));
   archive("contact", contact_);
   archive("solid", solid_);
   archive("travel", travel_);
@@ -621,7 +619,6 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("e_wet", e_wet_);
   archive("constrained", constrained_);
   archive("f_link", f_link_);
-  archive("quality", quality_);
   archive("x_remesh", x_remesh_);
   archive("gaps", gaps_);
   archive("travelled", travelled_);
@@ -645,7 +642,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   if (!archive.reading())
     return;
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
-  team_.share_out(nodes_.size(), mesh_, e_layer_);
+  connect_mesh(std::move(mesh_.elements));
+  measure_quality();
   collected_ = true;
   moves_.clear();
   if (ranks().rank() != 0)

@@ -75,8 +75,9 @@ struct Received
 ///
 /// On several ranks each has all nodes and the whole mesh, but steps only its part: a range of nodes, which
 /// in the order of nodes are neighbours in space. Rows of other ranks are right at its ghosts, and everywhere
-/// after collect(), which a remesh begins with: every rank then makes the same new mesh. Rank 0 has all wet
-/// nodes and their layer. Results have the bits that they have on one rank.
+/// after collect(), which a remesh begins with: each rank then chooses the elements of its nodes, all ranks
+/// put them together, and each goes on with its part. Rank 0 has all wet nodes and their layer. Results have
+/// the bits that they have on one rank.
 template <int dim>
 class Fluid
 {
@@ -113,7 +114,7 @@ public:
   /// the solid. Collective.
   bool is_distorted();
   /// New connectivity at a synchronised time: p, ρ and v of every node stay, m ← ρV, accelerations are
-  /// recomputed (without link).
+  /// recomputed (without link). Collective.
   void remesh();
   /// All rows of all fields are right on every rank until the next step; sums over time are on rank 0.
   /// Collective.
@@ -184,6 +185,8 @@ private:
   std::vector<char> part_of_rank(const SpacingReport& spacing) const;
   void put_together(ShapeChoice<dim>& choice) const;
   void finish_mesh(std::vector<Simplex<dim>> elements);
+  void connect_mesh(std::vector<Simplex<dim>> elements);
+  void measure_quality();
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
   void flag_nodes();
@@ -254,7 +257,7 @@ private:
   index_t e_layer_ = 0;                 ///< elements that touch wet nodes or their neighbours
   std::vector<index_t> constrained_;    ///< nodes on walls of the box
   std::vector<double> f_link_;          ///< last link force, n_wet × dim
-  std::vector<float> quality_;          ///< of each element at the last remesh
+  std::vector<float> quality_;          ///< of each element of this rank at the last remesh
   std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh
   std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good

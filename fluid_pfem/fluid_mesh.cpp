@@ -4,6 +4,7 @@
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 namespace undine::fluid
 {
@@ -24,6 +25,17 @@ Simplex<dim> canonical(const Simplex<dim>& e)
 
 namespace
 {
+
+/// In the order in which corner a and it are positively oriented: its normal points away from the corner.
+template <int dim>
+Facet<dim> facet_opposite(const Simplex<dim>& nodes, int a)
+{
+  const auto order = even_order<dim>(a);
+  Facet<dim> facet;
+  for (std::size_t k = 0; k < dim; ++k)
+    facet[k] = nodes[static_cast<std::size_t>(order[k + 1])];
+  return facet;
+}
 
 /// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as
 /// that is possible.
@@ -52,13 +64,12 @@ void chain(std::span<FanEntry<2>> fan)
 /// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where
 /// it begins; in space facets are matched by sorting.
 template <int dim>
-std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
+std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, index_t end)
 {
   std::vector<Facet<dim>> boundary;
-  const auto n_nodes = static_cast<index_t>(mesh.fan_begin.size()) - 1;
   if constexpr (dim == 2)
   {
-    for (index_t n = 0; n < n_nodes; ++n)
+    for (index_t n = begin; n < end; ++n)
     {
       const auto fan = mesh.fan(n);
       for (std::size_t k = 0; k < fan.size(); ++k)
@@ -82,12 +93,19 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh)
     };
     std::vector<OrientedFacet> facets;
     facets.reserve(mesh.fans.size());
-    for (const auto& entry : mesh.fans)
-    {
-      // (opposite…) of a positive simplex turns so that its normal points away from the corner: outward.
-      facets.push_back({entry.opposite, entry.opposite});
-      std::sort(facets.back().sorted.begin(), facets.back().sorted.end());
-    }
+    for (index_t n = begin; n < end; ++n)
+      for (const auto& entry : mesh.fan(n))
+      {
+        const auto& nodes = mesh.elements[static_cast<std::size_t>(entry.element)];
+        for (int a = 0; a <= dim; ++a)
+        {
+          const Facet<dim> facet = facet_opposite<dim>(nodes, a);
+          if (nodes[static_cast<std::size_t>(a)] == n || *std::min_element(facet.begin(), facet.end()) != n)
+            continue;
+          facets.push_back({facet, facet});
+          std::sort(facets.back().sorted.begin(), facets.back().sorted.end());
+        }
+      }
     std::sort(facets.begin(), facets.end(), [](const auto& f, const auto& g) { return f.sorted < g.sorted; });
     for (std::size_t f = 0; f < facets.size(); ++f)
     {
@@ -124,40 +142,47 @@ std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<d
 }
 
 template <int dim>
-FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
+void find_fans(FluidMesh<dim>& mesh, index_t n_nodes, index_t begin, index_t end)
 {
-  FluidMesh<dim> mesh;
-  mesh.elements = sorted_elements<dim>(n_nodes, std::move(elements));
-
+  mesh.first_with_fan = begin;
   mesh.fan_begin.assign(static_cast<std::size_t>(n_nodes) + 1, 0);
   for (const auto& e : mesh.elements)
     for (const index_t n : e)
       ++mesh.fan_begin[static_cast<std::size_t>(n) + 1];
   for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
     mesh.fan_begin[n + 1] += mesh.fan_begin[n];
-  mesh.fans.resize(mesh.elements.size() * (dim + 1));
-  std::vector<index_t> next(mesh.fan_begin.begin(), mesh.fan_begin.end() - 1);
+  const auto first = mesh.fan_begin.begin() + begin, last = mesh.fan_begin.begin() + end;
+  mesh.fans.resize(static_cast<std::size_t>(*last - *first));
+  std::vector<index_t> next;
+  std::transform(first, last, std::back_inserter(next), [first](index_t k) { return k - *first; });
 
   for (index_t e = 0; e < mesh.n_elements(); ++e)
   {
     const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
+    if (nodes[0] >= end)
+      break;
     for (int a = 0; a <= dim; ++a)
-    {
-      const auto order = even_order<dim>(a);
-      FanEntry<dim> entry{.element = e, .opposite = {}};
-      for (std::size_t k = 0; k < dim; ++k)
-        entry.opposite[k] = nodes[static_cast<std::size_t>(order[k + 1])];
-      mesh.fans[static_cast<std::size_t>(
-          next[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]++)] = entry;
-    }
+      if (const index_t n = nodes[static_cast<std::size_t>(a)]; n >= begin && n < end)
+        mesh.fans[static_cast<std::size_t>(next[static_cast<std::size_t>(n - begin)]++)] = {
+            .element = e, .opposite = facet_opposite<dim>(nodes, a)};
   }
   if constexpr (dim == 2)
-    for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
-      chain({mesh.fans.data() + mesh.fan_begin[n], mesh.fans.data() + mesh.fan_begin[n + 1]});
-  mesh.boundary = boundary_of(mesh);
+    for (auto n = first; n != last; ++n)
+      chain({mesh.fans.data() + (*n - *first), mesh.fans.data() + (*(n + 1) - *first)});
+  mesh.boundary = boundary_of(mesh, begin, end);
+}
+
+template <int dim>
+FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
+{
+  FluidMesh<dim> mesh;
+  mesh.elements = sorted_elements<dim>(n_nodes, std::move(elements));
+  find_fans<dim>(mesh, n_nodes, 0, n_nodes);
   return mesh;
 }
 
+template void find_fans<2>(FluidMesh<2>&, index_t, index_t, index_t);
+template void find_fans<3>(FluidMesh<3>&, index_t, index_t, index_t);
 template Simplex<2> canonical<2>(const Simplex<2>&);
 template Simplex<3> canonical<3>(const Simplex<3>&);
 template std::vector<Simplex<2>> sorted_elements<2>(index_t, std::vector<Simplex<2>>);

@@ -47,13 +47,20 @@ struct FluidMesh
   std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
   std::vector<index_t> fan_begin;   ///< size n_nodes + 1
   std::vector<FanEntry<dim>> fans;  ///< in the plane counter-clockwise around each node
+  index_t first_with_fan = 0;       ///< of the nodes whose fans are here: those that find_fans was asked for
 
   std::span<const FanEntry<dim>> fan(index_t n) const
   {
-    return {fans.data() + fan_begin[static_cast<std::size_t>(n)],
-            fans.data() + fan_begin[static_cast<std::size_t>(n) + 1]};
+    const index_t begin = fan_begin[static_cast<std::size_t>(first_with_fan)];
+    return {fans.data() + (fan_begin[static_cast<std::size_t>(n)] - begin),
+            fans.data() + (fan_begin[static_cast<std::size_t>(n) + 1] - begin)};
   }
-  bool isolated(index_t n) const { return fan(n).empty(); }
+  /// Of any node.
+  index_t n_elements_at(index_t n) const
+  {
+    return fan_begin[static_cast<std::size_t>(n) + 1] - fan_begin[static_cast<std::size_t>(n)];
+  }
+  bool isolated(index_t n) const { return n_elements_at(n) == 0; }
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }
 };
 
@@ -65,6 +72,11 @@ Simplex<dim> canonical(const Simplex<dim>& e);
 /// Elements in the one form and order that depend on the set only, of nodes numbered −1 … n_nodes − 1.
 template <int dim>
 std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements);
+
+/// Fans of the nodes [begin, end) of a mesh of sorted elements, and the boundary facets of which one of them
+/// is the first node (in space: the one of the lowest number). Those of consecutive ranges make up the whole.
+template <int dim>
+void find_fans(FluidMesh<dim>& mesh, index_t n_nodes, index_t begin, index_t end);
 
 /// Sort the elements, find the boundary and the fans.
 template <int dim>

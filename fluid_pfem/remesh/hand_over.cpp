@@ -198,7 +198,7 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
   std::vector<Received<dim>> received(n_nodes);
   for (index_t n = 0; n < nodes_.size(); ++n)
     if (!mesh_.isolated(n))
-      share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.fan(n).size());
+      share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
   const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
   const auto add = [&](const Simplex<dim>& e, const Share& share)
   {

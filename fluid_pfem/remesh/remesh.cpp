@@ -153,17 +153,21 @@ void renumber(std::vector<std::array<index_t, corners>>& simplices, const std::v
 template <int dim>
 void Fluid<dim>::remesh()
 {
+  const bool bad = mesh_is_bad();
+  if (bad) // the exchange of mass of the last step is part of the density that stays
+  {
+    check_state(update_state(team_.node_begin(), team_.node_end()));
+    collected_ = ranks().alone();
+  }
   collect();
-  if (!mesh_is_bad()) // the same elements, but other nodes are near the solid
+  if (!bad) // the same elements, but other nodes are near the solid
   {
     auto elements = std::move(mesh_.elements);
     renumber(gaps_, order_nodes(elements));
     finish_mesh(std::move(elements));
-    find_ghosts();
+    collected_ = ranks().alone();
     return;
   }
-  check_state(update_state(
-      0, nodes_.size())); // the exchange of mass of the last step is part of the density that stays
   for (auto& x : nodes_.x)
     x = nodes_.period.wrapped(x);
   pass_openings();
@@ -221,7 +225,6 @@ void Fluid<dim>::remesh()
   v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
-  find_ghosts();
   hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
 
   ++ledger_.remeshes;
@@ -292,6 +295,7 @@ void Fluid<dim>::triangulate()
   std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
                       std::back_inserter(gaps_));
   find_ghosts();
+  collected_ = ranks().alone();
 }
 
 template <int dim>
@@ -310,14 +314,35 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
   return pieces;
 }
 
-/// All that follows from positions, densities and connectivity.
+/// Elements sorted and shared out; each rank finds the fans of its nodes. Collective.
+template <int dim>
+void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
+{
+  mesh_.elements = sorted_elements<dim>(nodes_.size(), std::move(elements));
+  const auto elements_below = [this](index_t n) // elements are sorted by their smallest node
+  {
+    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
+                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
+                                mesh_.elements.begin());
+  };
+  e_wet_ = elements_below(n_wet_);
+  e_layer_ = elements_below(n_layer_);
+  team_.share_out(nodes_.size(), mesh_, e_layer_);
+  find_fans<dim>(mesh_, nodes_.size(), team_.node_begin(), team_.node_end());
+  if (!ranks().alone())
+    mesh_.boundary = ranks().gather(mesh_.boundary);
+}
+
+/// All that follows from positions, densities and connectivity: flags, densities, volumes and velocities of
+/// all nodes, the rest of those of each rank. Collective.
 template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
-  mesh_ = connect<dim>(nodes_.size(), std::move(elements));
+  connect_mesh(std::move(elements));
+  find_ghosts();
   const std::vector<std::uint8_t> was = nodes_.flag;
   flag_nodes();
-  const index_t n_nodes = nodes_.size();
+  const index_t n_nodes = nodes_.size(), begin = team_.node_begin(), end = team_.node_end();
   // A node that opened at the free surface had no pull; when the fluid closes around it, it begins with none.
   if (!config_.surface_tension_allowed)
     for (std::size_t i = 0; i < was.size(); ++i)
@@ -330,16 +355,31 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
+  const auto each_element = [this](auto&& add)
+  {
+    team_.each(
+        [&](const Share& share)
+        {
+          sweep(
+              mesh_, share, false, 0, 0,
+              [&](const index_t* list, index_t first, index_t last) { add(list, first, last, share); },
+              [](index_t, index_t) {});
+        });
+  };
+  std::fill(nodes_.V.begin() + begin, nodes_.V.begin() + end, 0.0);
+  each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
+               { add_element_volumes<dim>(mesh_, list, first, last, share, nodes_); });
+  ranks().gather_rows(nodes_.V, team_.nodes_of_ranks());
+
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
-  update_nodal_volumes<dim>(mesh_, nodes_);
   for (index_t n = 0; n < n_nodes; ++n)
+    if (mesh_.isolated(n))
+      nodes_.rho[static_cast<std::size_t>(n)] = config_.tait.rho0;
+  for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     if (mesh_.isolated(n))
-    {
-      nodes_.rho[i] = config_.tait.rho0;
       nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : least_inertia(i);
-    }
     else // the inverse of update_density_and_pressure, completed nodes included
       nodes_.m[i] =
           nodes_.rho[i] * nodes_.V[i] + (nodes_.rho[i] - config_.tait.rho0) *
@@ -348,42 +388,35 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     // What flies is moved by gravity alone: no element can accelerate it.
     nodes_.inertia[i] = mesh_.isolated(n) ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
   }
-  limit_tension(0, n_nodes);
+  limit_tension(begin, end);
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   cool();
   sums_.reset(n_nodes);
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
-  // Elements are sorted by their smallest node.
-  const auto elements_below = [this](index_t n)
-  {
-    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
-                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
-                                mesh_.elements.begin());
-  };
-  e_wet_ = elements_below(n_wet_);
-  e_layer_ = elements_below(n_layer_);
-  team_.share_out(n_nodes, mesh_, e_layer_);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v, a = nodes_.a;
   for (std::size_t i = 0; i < v.size(); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * a[i];
-  record_nodes<dim>(nodes_, config_.terms, 0, n_nodes, sums_);
-  for (index_t e = 0; e < mesh_.n_elements(); e += element_block)
-    add_element_forces(dt_before_, nullptr, e, std::min(e + element_block, mesh_.n_elements()),
-                       {.node_begin = 0, .node_end = n_nodes});
+  record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+  halo_.update(sums_.record, nodes_.m);
+  each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
+               { add_element_forces(dt_before_, list, first, last, share); });
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0); // no time has passed
-  take_acceleration<dim>(nodes_, gravity(), 0, n_nodes, sums_, mass_rate_);
-  add_body_force(0, n_nodes);
+  take_acceleration<dim>(
+      nodes_, gravity(), begin, end, sums_,
+      std::span(mass_rate_).subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+  add_body_force(begin, end);
   for (const index_t n : constrained_)
-    constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+    if (n >= begin && n < end)
+      constrain(nodes_.a[static_cast<std::size_t>(n)], n);
   find_impedance();
   let_waves_out(dt_before_, false);
   nodes_.v = v;
   // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
   // it and that of the new mesh.
   if (!contact_.empty())
-    for (index_t n = n_wet_; n < n_nodes; ++n)
+    for (index_t n = std::max(n_wet_, begin); n < end; ++n)
       if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
       {
         const auto push = [&](const Vec<dim>& kick)
@@ -398,12 +431,19 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   good_for_ = 0;
   turned_over_ = 0;
   x_remesh_ = nodes_.x;
-  quality_.resize(mesh_.elements.size());
-  for (std::size_t e = 0; e < mesh_.elements.size(); ++e)
-    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(nodes_.x, mesh_.elements[e], nodes_.period)));
+  measure_quality();
   if (!contact_.empty())
-    contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
+    contact_.find_candidates(nodes_.x, begin, end, config_.element_size);
   ++surface_epoch_;
+}
+
+template <int dim>
+void Fluid<dim>::measure_quality()
+{
+  quality_.resize(mesh_.elements.size());
+  for (auto e = static_cast<std::size_t>(team_.element_begin());
+       e < static_cast<std::size_t>(team_.element_end()); ++e)
+    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(x_remesh_, mesh_.elements[e], nodes_.period)));
 }
 
 /// Boundary, free surface, wall, isolated: from the boundary facets and the walls.
