@@ -623,6 +623,7 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("gaps", gaps_);
   archive("travelled", travelled_);
   archive("good_for", good_for_);
+  archive("slow_axis", slow_axis_);
   archive("next_id", next_id_);
   archive("t", t_);
   archive("dt_before", dt_before_);

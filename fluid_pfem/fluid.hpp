@@ -187,6 +187,7 @@ private:
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void connect_mesh(std::vector<Simplex<dim>> elements);
   void measure_quality();
+  void choose_slow_axis();
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
   void flag_nodes();
@@ -262,6 +263,7 @@ private:
   std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
   double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
+  int slow_axis_ = dim - 1;             ///< along which nodes are numbered last
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh

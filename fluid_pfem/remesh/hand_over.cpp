@@ -187,8 +187,8 @@ void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<
 }
 
 /// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
-/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Afterwards M, v
-/// and v_half are right at the nodes and ghosts of each rank.
+/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Collective:
+/// each rank sweeps over its nodes, and gets all in the end.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
@@ -234,9 +234,12 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
         });
     team_.each([&](const Share& share)
                { take_mass(dM, received, v_half, share.node_begin, share.node_end); });
-    halo_.update(nodes_.M, v_half);
+    if (sweep + 1 < sweeps)
+      halo_.update(nodes_.M, v_half);
   }
-  halo_.update(nodes_.v);
+  ranks().gather_rows(nodes_.M, team_.nodes_of_ranks());
+  ranks().gather_rows(nodes_.v, team_.nodes_of_ranks());
+  ranks().gather_rows(v_half, team_.nodes_of_ranks());
 }
 
 template class Fluid<2>;

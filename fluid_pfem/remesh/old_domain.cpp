@@ -96,6 +96,8 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
       const double margin = 1e-6 * (high[i] - low[i]) + 1e-9 * bin;
       low[i] -= margin;
       high[i] += margin;
+      if (high[i] < lower[i] || low[i] > upper[i])
+        return;
     }
     std::array<long, dim> first = cell_of(low), last = cell_of(high);
     bool beside = false;

@@ -108,10 +108,11 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
 template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
-                                 const SpacingRules& rules, global_index_t& next_id)
+                                 const SpacingRules& rules, global_index_t& next_id,
+                                 std::span<const Simplex<dim>> mine, const Ranks& ranks)
 {
   std::vector<Edge> close, far;
-  for (const auto& e : mesh.elements)
+  for (const auto& e : mine)
     for (std::size_t a = 0; a <= dim; ++a)
       for (std::size_t b = a + 1; b <= dim; ++b)
       {
@@ -123,6 +124,11 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
         else if (length > std::min(rules.split, rules.split_wall))
           far.push_back({-length, i, j});
       }
+  if (!ranks.alone())
+  {
+    close = ranks.gather(close);
+    far = ranks.gather(far);
+  }
   add_touching(nodes, wall_pieces, close);
   if (close.empty() && far.empty())
     return {};
@@ -249,9 +255,9 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
 
 template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&);
+                                             global_index_t&, std::span<const Simplex<2>>, const Ranks&);
 template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&);
+                                             global_index_t&, std::span<const Simplex<3>>, const Ranks&);
 
 } // namespace undine::fluid

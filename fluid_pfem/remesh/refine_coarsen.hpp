@@ -1,10 +1,12 @@
 // Merging nodes that come too close and splitting edges that grow too long, at constant mass and momentum.
 #pragma once
 
+#include "common/parallel/ranks.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 
 #include <array>
+#include <span>
 #include <vector>
 
 namespace undine::fluid
@@ -31,11 +33,14 @@ struct SpacingReport
 /// and the mean momentum; a new node takes a third of the particle mass of each end of its edge. Wall nodes
 /// are never merged into others; wet nodes (`n_wet` first) are left alone; an edge with both ends on the free
 /// surface is not split. Each node takes part in one change at most.
+/// Collective: every rank knows all nodes and makes all changes.
+/// @param mine elements whose edges this rank measures; those of all ranks are all elements of the mesh
 /// @param wall_pieces for each node the wall pieces it lies on; extended for new nodes
 /// @param next_id next free node identifier
 template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
-                                 const SpacingRules& rules, global_index_t& next_id);
+                                 const SpacingRules& rules, global_index_t& next_id,
+                                 std::span<const Simplex<dim>> mine, const Ranks& ranks = {});
 
 } // namespace undine::fluid

@@ -187,7 +187,12 @@ void Fluid<dim>::remesh()
   }
   const SpacingReport spacing = refine_and_coarsen<dim>(
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
-      config_.remesh.spacing, next_id_);
+      config_.remesh.spacing, next_id_,
+      ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements)
+                      : std::span<const Simplex<dim>>(mesh_.elements)
+                            .subspan(static_cast<std::size_t>(team_.element_begin()),
+                                     static_cast<std::size_t>(team_.element_end() - team_.element_begin())),
+      ranks());
   for (const auto& [kept, gone] : spacing.merges)
     delaunay_.merge(kept, gone);
   for (const auto& [i, j, added] : spacing.splits)
@@ -661,10 +666,27 @@ void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 
 } // namespace
 
-/// Wet nodes first, then their neighbours, then the rest; inside each group by rows of two spacings, the last
-/// axis slowest, then by identifier. Rows are those of a node's birth or of the last time that all were
-/// renewed: neighbours in space should be neighbours in memory, but need not be every time. The order is one
-/// of the nodes, whoever holds them, and with it the order in which elements are summed.
+/// The axis along which the fluid extends furthest; another one than now only if it is clearly longer. Rows
+/// across it are short, and so are the cuts between ranks.
+template <int dim>
+void Fluid<dim>::choose_slow_axis()
+{
+  Vec<dim> mean{}, square{};
+  const double part = 1.0 / static_cast<double>(nodes_.x.size());
+  for (const auto& x : nodes_.x)
+    mean += part * x;
+  for (const auto& x : nodes_.x)
+    for (int i = 0; i < dim; ++i)
+      square[i] += (x[i] - mean[i]) * (x[i] - mean[i]);
+  for (int i = 0; i < dim; ++i)
+    if (square[i] > 1.5 * square[slow_axis_])
+      slow_axis_ = i;
+}
+
+/// Wet nodes first, then their neighbours, then the rest; inside each group by rows of two spacings, the
+/// longest axis slowest, then by identifier. Rows are those of a node's birth or of the last time that all
+/// were renewed: neighbours in space should be neighbours in memory, but need not be every time. The order is
+/// one of the nodes, whoever holds them, and with it the order in which elements are summed.
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
@@ -672,12 +694,15 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   constexpr std::int64_t renew_every = 25; // remeshes
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const bool renew = ledger_.remeshes % renew_every == 0;
+  if (renew)
+    choose_slow_axis();
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (renew || nodes_.row[n] == no_row)
     {
       nodes_.row[n] = 0;
-      for (int i = dim - 1; i >= 0; --i)
+      for (int k = 0; k < dim; ++k)
       {
+        const int i = (slow_axis_ + dim - k) % dim;
         constexpr double most = 1 << 19; // 20 bits per axis
         const double row = std::floor(nodes_.x[n][i] / (2.0 * config_.element_size));
         nodes_.row[n] = (nodes_.row[n] << 20) + static_cast<std::int64_t>(std::clamp(row, -most, most - 1.0));

@@ -207,6 +207,18 @@ TEST_CASE("fewer nodes than ranks: some have nothing to do", "[ranks]")
   check_same_bits<2>(config, steps_wanted(200), 0);
 }
 
+// Wet nodes and their neighbours are rank 0's: of a layer of two spacings the others have nothing.
+TEST_CASE("all nodes on one rank, beside an interface", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(0.1, 30.0);
+  config.size = {2.0, 0.2, 0.0};
+  config.gravity = {0.0, -9.81, 0.0};
+  config.initial_velocity = {Expression("0.3*sin(3*x)", ""), Expression("0", "")};
+  config.interfaces = {{"wet", "bottom"}};
+  config.remesh.only_if_moved = false;
+  check_same_bits<2>(config, steps_wanted(100), 1);
+}
+
 TEST_CASE("what needs one rank says so", "[ranks]")
 {
   const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);

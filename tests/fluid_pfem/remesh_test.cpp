@@ -289,7 +289,7 @@ TEST_CASE("parts that are triangulated alone have the simplices of the whole whi
     part_of.push_back(n * parts / x.size());
   std::array<LocalDelaunay<2>, parts> local;
   std::size_t taken = 0;
-  for (int step = 0; step < 300; ++step)
+  for (int step = 0; step < 150; ++step)
   {
     std::vector<Simplex<2>> found;
     for (std::size_t part = 0; part < parts; ++part)
@@ -352,7 +352,7 @@ TEST_CASE("parts that are triangulated alone have the simplices of the whole whi
   }
   CAPTURE(repairs, rebuilds, taken);
   CHECK(repairs > 2 * rebuilds);
-  CHECK(taken < 2UL * 300 * 36 * 36);
+  CHECK(taken < 2UL * 150 * 36 * 36);
 }
 
 // Merging, splitting and removing points ends in the same triangulation as well.
