@@ -32,7 +32,9 @@ Vec<dim> UnilateralContact<dim>::product(const std::vector<double>& inverse_mass
 }
 
 template <int dim>
-UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid)
+UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid,
+                                          std::vector<std::string> no_slip)
+    : no_slip_(std::move(no_slip))
 {
   require(fluid.dim == dim && solid.dim == dim, "both participants have the same dimension");
   replace_solid(solid);
@@ -56,6 +58,7 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("last_impulse", last_impulse_);
   archive("faces", faces_);
   archive("side", side_);
+  archive("sticks", sticks_);
   archive("x_end", x_end_);
   archive("active", active_);
   archive("active_built", active_built_);
@@ -185,6 +188,14 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   }
   before_ = after_ = FacetSurface<dim>(as_points(solid.x), solid.face_offset, solid.face_nodes);
   side_ = before_.patches(0.7); // 40 degrees
+  sticks_.clear();
+  for (std::size_t f = 0; f + 1 < solid.face_offset.size(); ++f)
+  {
+    const auto& name = solid.interfaces[static_cast<std::size_t>(solid.face_interface[f])];
+    const bool sticks = std::find(no_slip_.begin(), no_slip_.end(), name) != no_slip_.end();
+    const auto facets = static_cast<std::size_t>(solid.face_offset[f + 1] - solid.face_offset[f] - dim + 1);
+    sticks_.insert(sticks_.end(), facets, sticks);
+  }
   dv_solid_.assign(before_.x().size(), {});
   reach_ = 2.0 * before_.facet_size();
   search_due_ = true;
@@ -309,6 +320,51 @@ void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_
     row.gap -= (1.0 - repair) * gap_before;
   }
   rows_.push_back(row);
+  if (sticks_[static_cast<std::size_t>(near_[k].facet)])
+    add_rows_along(row);
+}
+
+/// Rows of the node of the last row, `row`, along the surface: what it moves along it in this step.
+template <int dim>
+void UnilateralContact<dim>::add_rows_along(const Row& row)
+{
+  const auto k = static_cast<std::size_t>(row.node);
+  const auto normal = static_cast<index_t>(rows_.size()) - 1;
+  Vec<dim> moved = x_end_[k] - x_[k];
+  for (std::size_t w = row.begin; w < row.end; ++w)
+  {
+    const auto c = static_cast<std::size_t>(weights_[w].node);
+    moved -= weights_[w].P * (after_.x()[c] - before_.x()[c]);
+  }
+  std::array<Vec<dim>, dim - 1> along;
+  if constexpr (dim == 2)
+    along[0] = right_normal(row.n);
+  else
+  {
+    int least = 0;
+    for (int i = 1; i < dim; ++i)
+      if (std::abs(row.n[i]) < std::abs(row.n[least]))
+        least = i;
+    Vec<dim> e{};
+    e[least] = 1.0;
+    along[0] = cross(row.n, e);
+    along[0] = (1.0 / norm(along[0])) * along[0];
+    along[1] = cross(row.n, along[0]);
+  }
+  for (const Vec<dim>& t : along)
+  {
+    Row other = row;
+    other.n = t;
+    other.gap = dot(t, moved);
+    other.compliance = dot(t, product(inverse_mass_[Side::fluid], row.node, t));
+    for (std::size_t w = row.begin; w < row.end; ++w)
+      other.compliance +=
+          weights_[w].P * weights_[w].P * dot(t, product(inverse_mass_[Side::solid], weights_[w].node, t));
+    other.impulse = 0.0;
+    other.normal = normal;
+    if (other.compliance > 0.0)
+      rows_.push_back(other);
+  }
 }
 
 template <int dim>
@@ -406,8 +462,11 @@ void UnilateralContact<dim>::solve(double dt)
       for (std::size_t w = row.begin; w < row.end; ++w)
         of_solid += weights_[w].P * dot(row.n, dv_solid_[static_cast<std::size_t>(weights_[w].node)]);
       const double gap = row.gap + dt * (of_node - of_solid);
-      const double wanted = row.impulse - gap / (dt * row.compliance),
-                   impulse = row.held ? wanted : std::max(0.0, wanted), change = impulse - row.impulse;
+      const double wanted = row.impulse - gap / (dt * row.compliance);
+      double impulse = row.held ? wanted : std::max(0.0, wanted);
+      if (row.normal >= 0)
+        impulse = rows_[static_cast<std::size_t>(row.normal)].impulse > 0.0 ? wanted : 0.0;
+      const double change = impulse - row.impulse;
       if (change == 0.0)
         continue;
       push(row, change);
@@ -458,7 +517,7 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
     if (row.impulse == 0.0)
       continue;
     ++report_.touching;
-    if (!row.held)
+    if (!row.held && row.normal < 0)
       last_impulse_[static_cast<std::size_t>(row.node)] = row.impulse;
     const Vec<dim> J = row.impulse * row.n;
     const auto add = [&](Side side, index_t n, const Vec<dim>& impulse)

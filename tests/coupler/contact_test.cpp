@@ -189,6 +189,47 @@ TEST_CASE(
   CHECK(dt * f[Side::solid][3] / M == Approx(common).epsilon(1e-8));
 }
 
+// As above, in both components; a node that leaves is not held back along the surface either.
+TEST_CASE("Without slip a node that lands goes with the surface, one that leaves is free")
+{
+  const double m = 0.3, M = 0.8, dt = 1e-3;
+  const auto solid = sheet<2>(
+      2, [](double) { return 0.0; }, M, true);
+  auto fluid = sheet<2>(
+      2, [](double) { return 1e-9; }, m, false);
+  fluid.x = {0.5 - 0.4 * dt, 1e-12, 0.25, 1e-12}; // ends the step in the middle
+  UnilateralContact<2> contact(fluid, solid, {"wet"});
+  std::array<std::vector<double>, 2> v{std::vector<double>{0.4, -1.7, 0.4, 3.0}, std::vector<double>(4, 0.0)},
+      f;
+  contact.advance(dt, v, f);
+  for (std::size_t i = 0; i < 2; ++i)
+  {
+    const double common = m * v[Side::fluid][i] / (m + 2.0 * M);
+    CHECK(v[Side::fluid][i] + dt * f[Side::fluid][i] / m == Approx(common).epsilon(1e-8));
+    CHECK(dt * f[Side::solid][i] / M == Approx(common).epsilon(1e-8));
+    CHECK(f[Side::fluid][2 + i] == 0.0);
+  }
+  // in space, onto a sheet that is as good as fixed
+  const auto floor = sheet<3>(
+      3, [](double) { return 0.0; }, 1e12, true);
+  auto drop = sheet<3>(
+      2, [](double) { return 1e-12; }, m, false);
+  UnilateralContact<3> in_space(drop, floor, {"wet"});
+  std::array<std::vector<double>, 2> w{std::vector<double>(12, 0.0), std::vector<double>(27, 0.0)}, g;
+  for (std::size_t n = 0; n < 4; ++n)
+  {
+    drop.x[3 * n] = 0.3 + 0.1 * static_cast<double>(n);
+    drop.x[3 * n + 2] = 0.4;
+    w[Side::fluid][3 * n] = 0.7;
+    w[Side::fluid][3 * n + 1] = -1.0;
+    w[Side::fluid][3 * n + 2] = -0.2;
+  }
+  in_space.replace_fluid(drop);
+  in_space.advance(dt, w, g);
+  for (std::size_t k = 0; k < 12; ++k)
+    CHECK(w[Side::fluid][k] + dt * g[Side::fluid][k] / m == Approx(0.0).margin(1e-8));
+}
+
 TEST_CASE("Sustained contact does no work and makes no gap: a node slides down a tilted free-falling plate "
           "for 1000 steps")
 {
