@@ -97,6 +97,7 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
                         fluid.face_nodes.begin() + fluid.face_offset[f + 1]);
   active_.assign(faces_.size(), 0);
   active_built_.clear();
+  slid_.assign(x_.size(), 0.0);
   search_due_ = true;
   dv_fluid_.assign(x_.size(), {});
   find_held();
@@ -197,6 +198,7 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
     sticks_.insert(sticks_.end(), facets, sticks);
   }
   dv_solid_.assign(before_.x().size(), {});
+  active_built_.clear();
   reach_ = 2.0 * before_.facet_size();
   search_due_ = true;
 }
@@ -241,32 +243,67 @@ void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<
     }
     active_[f] = on;
   }
-  double fastest = 0.0; // squared, of the sliding of active nodes
-  for (std::size_t f = 0; f < faces_.size(); ++f)
-    if (active_[f])
-      for (const int k : faces_[f])
+  const auto nodes_of = [&](auto&& chosen) // of the active faces f with chosen(f)
+  {
+    std::vector<char> nodes(x_.size(), 0);
+    for (std::size_t f = 0; f < faces_.size(); ++f)
+      if (active_[f] && chosen(f))
+        for (const int k : faces_[f])
+          nodes[static_cast<std::size_t>(k)] = 1;
+    return nodes;
+  };
+  const auto touches = [&](const std::vector<char>& nodes)
+  {
+    return [&](std::size_t f)
+    {
+      return std::any_of(faces_[f].begin(), faces_[f].end(),
+                         [&](int k) { return nodes[static_cast<std::size_t>(k)] != 0; });
+    };
+  };
+
+  // Nodes that have slid, and those of faces that have come or gone.
+  const bool first = active_built_.size() != active_.size();
+  std::vector<char> changed = nodes_of([&](std::size_t) { return true; });
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    if (changed[k])
+    {
+      const Near& near = near_[k];
+      const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
+      Vec<dim> w;
+      for (int i = 0; i < dim; ++i)
       {
-        const Near& near = near_[static_cast<std::size_t>(k)];
-        const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
-        Vec<dim> w;
-        for (int i = 0; i < dim; ++i)
-        {
-          w[i] = v[Side::fluid][static_cast<std::size_t>(k * dim + i)];
-          for (std::size_t c = 0; c < dim; ++c)
-            w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c] * dim + i)];
-        }
-        fastest = std::max(fastest, norm_squared(w));
+        const auto component = static_cast<std::size_t>(i);
+        w[i] = v[Side::fluid][k * dim + component];
+        for (std::size_t c = 0; c < dim; ++c)
+          w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c]) * dim + component];
       }
-  slid_ += dt * std::sqrt(fastest);
-  if (active_ == active_built_ && slid_ < sliding * 0.5 * reach_)
-    return;
+      slid_[k] += dt * norm(w);
+      changed[k] = first || slid_[k] > sliding * 0.5 * reach_;
+    }
+  for (std::size_t f = 0; f < faces_.size() && !first; ++f)
+    if (active_[f] != active_built_[f])
+      for (const int k : faces_[f])
+        changed[static_cast<std::size_t>(k)] = 1;
   active_built_ = active_;
-  slid_ = 0.0;
-  for (auto& row : mortar_)
-    row.clear();
+  if (std::find(changed.begin(), changed.end(), 1) == changed.end())
+    return;
+
+  // A node changes the normals of its neighbours, and they the rows of theirs. A row needs all faces of its
+  // node, and these all faces of theirs for the normals.
+  std::vector<char> rows = nodes_of(touches(changed));
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    rows[k] = rows[k] || changed[k];
+  const std::vector<char> with_neighbours = nodes_of(touches(rows));
+  const auto needed = touches(with_neighbours);
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    if (rows[k])
+    {
+      mortar_[k].clear();
+      slid_[k] = 0.0;
+    }
   InterfaceFaces<dim> ours{x_end_, {}}, theirs{after_.x(), {}};
   for (std::size_t f = 0; f < faces_.size(); ++f)
-    if (active_[f])
+    if (active_[f] && needed(f))
       ours.faces.push_back(faces_[f]);
   if (ours.faces.empty())
     return;
@@ -274,10 +311,12 @@ void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<
     theirs.faces.emplace_back(solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f],
                               solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f + 1]);
   ++report_.searches;
+  report_.integrated += static_cast<std::int64_t>(ours.faces.size());
   const auto mortar = integrate_mortar<dim>(ours, theirs, 0.5 * reach_);
   for (std::size_t a = 0; a < mortar.D.size(); ++a)
-    for (const auto& [node, c] : mortar.C[a])
-      mortar_[static_cast<std::size_t>(mortar.multiplier_node[a])].push_back({node, c / mortar.D[a]});
+    if (const auto k = static_cast<std::size_t>(mortar.multiplier_node[a]); rows[k])
+      for (const auto& [node, c] : mortar.C[a])
+        mortar_[k].push_back({node, c / mortar.D[a]});
 }
 
 /// Row of a node whose weights have just been appended.

@@ -49,13 +49,14 @@ namespace undine::coupler
 
 struct ContactReport
 {
-  int rows = 0;              ///< nodes near enough to be constrained in the last step
-  int touching = 0;          ///< of these, with Λ > 0
-  int sweeps = 0;            ///< of the projected Gauss-Seidel iteration
-  double residual_gap = 0.0; ///< largest remaining violation [m]
-  double deepest = 0.0;      ///< deepest penetration before the step [m]
-  std::int64_t searches = 0; ///< for facets near nodes, since the start
-  std::int64_t solves = 0;   ///< steps with at least one row, since the start
+  int rows = 0;                ///< nodes near enough to be constrained in the last step
+  int touching = 0;            ///< of these, with Λ > 0
+  int sweeps = 0;              ///< of the projected Gauss-Seidel iteration
+  double residual_gap = 0.0;   ///< largest remaining violation [m]
+  double deepest = 0.0;        ///< deepest penetration before the step [m]
+  std::int64_t searches = 0;   ///< for facets near nodes, since the start
+  std::int64_t integrated = 0; ///< faces of the fluid for the mortar rows, since the start
+  std::int64_t solves = 0;     ///< steps with at least one row, since the start
 };
 
 template <int dim>
@@ -130,11 +131,11 @@ private:
   std::vector<Vec<dim>> x_end_;             ///< trial positions of the fluid's nodes at the step's end
   std::vector<Near> near_;                  ///< where they meet the solid
   std::vector<char> active_;                ///< per fluid face: it lies on the solid
-  std::vector<char> active_built_;          ///< the same when the mortar was integrated
+  std::vector<char> active_built_;          ///< the same at the last step
   std::vector<std::vector<Weight>> mortar_; ///< per fluid node: its row of P; empty: none
   std::vector<Vec<dim>> normal_;            ///< of the fluid's active faces, at nodes
   double travel_of_step_ = 0.0;             ///< of the fastest nodes of both sides [m]
-  double slid_ = 0.0;                       ///< since then [m]
+  std::vector<double> slid_;                ///< each fluid node since its row was integrated [m]
   std::vector<Row> rows_;
   std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it
