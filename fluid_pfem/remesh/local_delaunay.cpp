@@ -83,9 +83,11 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
   else
     needed = points_near<dim>(x, mine, reach);
   place_.resize(x.size(), -1);
-  if (std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
+  if (whole_ != mine.empty() ||
+      std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
   {
     delaunay_.forget();
+    whole_ = mine.empty();
     number_ = mine.empty() ? std::move(needed) : points_near<dim>(x, mine, spare * reach);
     place_.assign(x.size(), -1);
     for (std::size_t k = 0; k < number_.size(); ++k)
@@ -107,9 +109,8 @@ std::vector<Simplex<dim>> LocalDelaunay<dim>::simplices(std::span<const char> mi
   {
     for (index_t& n : e)
       n = number_[static_cast<std::size_t>(n)];
-    e = canonical<dim>(e);
-    if (mine.empty() || mine[static_cast<std::size_t>(e[0])])
-      result.push_back(e);
+    if (mine.empty() || mine[static_cast<std::size_t>(*std::min_element(e.begin(), e.end()))])
+      result.push_back(canonical<dim>(e));
   }
   return result;
 }

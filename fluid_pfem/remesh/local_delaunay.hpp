@@ -51,6 +51,7 @@ private:
   MovingDelaunay<dim> delaunay_;
   std::vector<index_t> number_; ///< of each point taken, ascending
   std::vector<index_t> place_;  ///< among them, of each point; −1: not taken
+  bool whole_ = false;          ///< all were asked for
 };
 
 } // namespace undine::fluid

@@ -401,7 +401,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
   const std::vector<Vec<dim>> v = nodes_.v, a = nodes_.a;
-  for (std::size_t i = 0; i < v.size(); ++i)
+  for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * a[i];
   record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
   halo_.update(sums_.record, nodes_.m);
