@@ -75,15 +75,17 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
 template <int dim>
 void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
 {
-  constexpr double spare =
-      1.5; // nodes move against each other by a part of the reach before the next rebuild
+  // In the plane, room to move against each other by a part of the reach before the next rebuild; in space
+  // every triangulation is a rebuild.
+  constexpr bool repairs = dim == 2;
+  constexpr double spare = repairs ? 1.5 : 1.0;
   std::vector<index_t> needed(x.size());
   if (mine.empty())
     std::iota(needed.begin(), needed.end(), 0);
   else
     needed = points_near<dim>(x, mine, reach);
   place_.resize(x.size(), -1);
-  if (whole_ != mine.empty() ||
+  if (!repairs || whole_ != mine.empty() ||
       std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
   {
     delaunay_.forget();
