@@ -127,7 +127,7 @@ def main():
     out = ["# The fluid on several ranks", "",
            "Each rank steps a range of nodes; ranks exchange ghosts twice a step; in a remesh each triangulates its nodes and a halo and all hold the whole mesh ([theory](../theory.md)). Milliseconds of processor time per step of the slowest "
            f"rank, without waiting, medians of {args.pairs} alternating runs of {args.steps} steps. The mesh is made anew every 20 steps here; \"all\" is with a remesh every {STEPS_PER_REMESH} steps, as in a "
-           f"splash. Load of the machine during the measurement: {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores.", "",
+           f"splash; in its first remesh of a run a rank of several triangulates anew, later it repairs. Load of the machine during the measurement: {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores.", "",
            "| scene | nodes | ranks | step | bound, looks | one remesh | waiting | imbalance | wall | halo: messages, kB per step | efficiency of the step | of all |",
            "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
     found = {}

@@ -216,7 +216,7 @@ TEST_CASE("all nodes on one rank, beside an interface", "[ranks]")
   config.initial_velocity = {Expression("0.3*sin(3*x)", ""), Expression("0", "")};
   config.interfaces = {{"wet", "bottom"}};
   config.remesh.only_if_moved = false;
-  check_same_bits<2>(config, steps_wanted(100), 1);
+  check_same_bits<2>(config, 100, 1);
 }
 
 TEST_CASE("what needs one rank says so", "[ranks]")
