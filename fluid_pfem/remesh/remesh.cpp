@@ -278,6 +278,7 @@ void Fluid<dim>::update_spacing()
 template <int dim>
 void Fluid<dim>::triangulate()
 {
+  collect(); // where a solid is met there was a mesh before
   std::vector<Simplex<dim>> delaunay = triangulation({});
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
