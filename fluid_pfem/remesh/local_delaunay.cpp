@@ -105,16 +105,17 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
 template <int dim>
 std::vector<Simplex<dim>> LocalDelaunay<dim>::simplices(std::span<const char> mine) const
 {
-  std::vector<Simplex<dim>> result;
-  result.reserve(delaunay_.simplices().size());
-  for (Simplex<dim> e : delaunay_.simplices())
+  std::vector<Simplex<dim>> simplices = delaunay_.simplices();
+  std::size_t kept = 0;
+  for (Simplex<dim> e : simplices)
   {
     for (index_t& n : e)
       n = number_[static_cast<std::size_t>(n)];
     if (mine.empty() || mine[static_cast<std::size_t>(*std::min_element(e.begin(), e.end()))])
-      result.push_back(canonical<dim>(e));
+      simplices[kept++] = canonical<dim>(e);
   }
-  return result;
+  simplices.resize(kept);
+  return simplices;
 }
 
 template <int dim>
