@@ -32,7 +32,9 @@ Vec<dim> UnilateralContact<dim>::product(const std::vector<double>& inverse_mass
 }
 
 template <int dim>
-UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid)
+UnilateralContact<dim>::UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid,
+                                          std::vector<std::string> no_slip)
+    : no_slip_(std::move(no_slip))
 {
   require(fluid.dim == dim && solid.dim == dim, "both participants have the same dimension");
   replace_solid(solid);
@@ -56,6 +58,7 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("last_impulse", last_impulse_);
   archive("faces", faces_);
   archive("side", side_);
+  archive("sticks", sticks_);
   archive("x_end", x_end_);
   archive("active", active_);
   archive("active_built", active_built_);
@@ -94,6 +97,7 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
                         fluid.face_nodes.begin() + fluid.face_offset[f + 1]);
   active_.assign(faces_.size(), 0);
   active_built_.clear();
+  slid_.assign(x_.size(), 0.0);
   search_due_ = true;
   dv_fluid_.assign(x_.size(), {});
   find_held();
@@ -185,7 +189,16 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   }
   before_ = after_ = FacetSurface<dim>(as_points(solid.x), solid.face_offset, solid.face_nodes);
   side_ = before_.patches(0.7); // 40 degrees
+  sticks_.clear();
+  for (std::size_t f = 0; f + 1 < solid.face_offset.size(); ++f)
+  {
+    const auto& name = solid.interfaces[static_cast<std::size_t>(solid.face_interface[f])];
+    const bool sticks = std::find(no_slip_.begin(), no_slip_.end(), name) != no_slip_.end();
+    const auto facets = static_cast<std::size_t>(solid.face_offset[f + 1] - solid.face_offset[f] - dim + 1);
+    sticks_.insert(sticks_.end(), facets, sticks);
+  }
   dv_solid_.assign(before_.x().size(), {});
+  active_built_.clear();
   reach_ = 2.0 * before_.facet_size();
   search_due_ = true;
 }
@@ -230,32 +243,67 @@ void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<
     }
     active_[f] = on;
   }
-  double fastest = 0.0; // squared, of the sliding of active nodes
-  for (std::size_t f = 0; f < faces_.size(); ++f)
-    if (active_[f])
-      for (const int k : faces_[f])
+  const auto nodes_of = [&](auto&& chosen) // of the active faces f with chosen(f)
+  {
+    std::vector<char> nodes(x_.size(), 0);
+    for (std::size_t f = 0; f < faces_.size(); ++f)
+      if (active_[f] && chosen(f))
+        for (const int k : faces_[f])
+          nodes[static_cast<std::size_t>(k)] = 1;
+    return nodes;
+  };
+  const auto touches = [&](const std::vector<char>& nodes)
+  {
+    return [&](std::size_t f)
+    {
+      return std::any_of(faces_[f].begin(), faces_[f].end(),
+                         [&](int k) { return nodes[static_cast<std::size_t>(k)] != 0; });
+    };
+  };
+
+  // Nodes that have slid, and those of faces that have come or gone.
+  const bool first = active_built_.size() != active_.size();
+  std::vector<char> changed = nodes_of([&](std::size_t) { return true; });
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    if (changed[k])
+    {
+      const Near& near = near_[k];
+      const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
+      Vec<dim> w;
+      for (int i = 0; i < dim; ++i)
       {
-        const Near& near = near_[static_cast<std::size_t>(k)];
-        const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
-        Vec<dim> w;
-        for (int i = 0; i < dim; ++i)
-        {
-          w[i] = v[Side::fluid][static_cast<std::size_t>(k * dim + i)];
-          for (std::size_t c = 0; c < dim; ++c)
-            w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c] * dim + i)];
-        }
-        fastest = std::max(fastest, norm_squared(w));
+        const auto component = static_cast<std::size_t>(i);
+        w[i] = v[Side::fluid][k * dim + component];
+        for (std::size_t c = 0; c < dim; ++c)
+          w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c]) * dim + component];
       }
-  slid_ += dt * std::sqrt(fastest);
-  if (active_ == active_built_ && slid_ < sliding * 0.5 * reach_)
-    return;
+      slid_[k] += dt * norm(w);
+      changed[k] = first || slid_[k] > sliding * 0.5 * reach_;
+    }
+  for (std::size_t f = 0; f < faces_.size() && !first; ++f)
+    if (active_[f] != active_built_[f])
+      for (const int k : faces_[f])
+        changed[static_cast<std::size_t>(k)] = 1;
   active_built_ = active_;
-  slid_ = 0.0;
-  for (auto& row : mortar_)
-    row.clear();
+  if (std::find(changed.begin(), changed.end(), 1) == changed.end())
+    return;
+
+  // A node changes the normals of its neighbours, and they the rows of theirs. A row needs all faces of its
+  // node, and these all faces of theirs for the normals.
+  std::vector<char> rows = nodes_of(touches(changed));
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    rows[k] = rows[k] || changed[k];
+  const std::vector<char> with_neighbours = nodes_of(touches(rows));
+  const auto needed = touches(with_neighbours);
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    if (rows[k])
+    {
+      mortar_[k].clear();
+      slid_[k] = 0.0;
+    }
   InterfaceFaces<dim> ours{x_end_, {}}, theirs{after_.x(), {}};
   for (std::size_t f = 0; f < faces_.size(); ++f)
-    if (active_[f])
+    if (active_[f] && needed(f))
       ours.faces.push_back(faces_[f]);
   if (ours.faces.empty())
     return;
@@ -263,10 +311,12 @@ void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<
     theirs.faces.emplace_back(solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f],
                               solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f + 1]);
   ++report_.searches;
+  report_.integrated += static_cast<std::int64_t>(ours.faces.size());
   const auto mortar = integrate_mortar<dim>(ours, theirs, 0.5 * reach_);
   for (std::size_t a = 0; a < mortar.D.size(); ++a)
-    for (const auto& [node, c] : mortar.C[a])
-      mortar_[static_cast<std::size_t>(mortar.multiplier_node[a])].push_back({node, c / mortar.D[a]});
+    if (const auto k = static_cast<std::size_t>(mortar.multiplier_node[a]); rows[k])
+      for (const auto& [node, c] : mortar.C[a])
+        mortar_[k].push_back({node, c / mortar.D[a]});
 }
 
 /// Row of a node whose weights have just been appended.
@@ -309,6 +359,51 @@ void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_
     row.gap -= (1.0 - repair) * gap_before;
   }
   rows_.push_back(row);
+  if (sticks_[static_cast<std::size_t>(near_[k].facet)])
+    add_rows_along(row);
+}
+
+/// Rows of the node of the last row, `row`, along the surface: what it moves along it in this step.
+template <int dim>
+void UnilateralContact<dim>::add_rows_along(const Row& row)
+{
+  const auto k = static_cast<std::size_t>(row.node);
+  const auto normal = static_cast<index_t>(rows_.size()) - 1;
+  Vec<dim> moved = x_end_[k] - x_[k];
+  for (std::size_t w = row.begin; w < row.end; ++w)
+  {
+    const auto c = static_cast<std::size_t>(weights_[w].node);
+    moved -= weights_[w].P * (after_.x()[c] - before_.x()[c]);
+  }
+  std::array<Vec<dim>, dim - 1> along;
+  if constexpr (dim == 2)
+    along[0] = right_normal(row.n);
+  else
+  {
+    int least = 0;
+    for (int i = 1; i < dim; ++i)
+      if (std::abs(row.n[i]) < std::abs(row.n[least]))
+        least = i;
+    Vec<dim> e{};
+    e[least] = 1.0;
+    along[0] = cross(row.n, e);
+    along[0] = (1.0 / norm(along[0])) * along[0];
+    along[1] = cross(row.n, along[0]);
+  }
+  for (const Vec<dim>& t : along)
+  {
+    Row other = row;
+    other.n = t;
+    other.gap = dot(t, moved);
+    other.compliance = dot(t, product(inverse_mass_[Side::fluid], row.node, t));
+    for (std::size_t w = row.begin; w < row.end; ++w)
+      other.compliance +=
+          weights_[w].P * weights_[w].P * dot(t, product(inverse_mass_[Side::solid], weights_[w].node, t));
+    other.impulse = 0.0;
+    other.normal = normal;
+    if (other.compliance > 0.0)
+      rows_.push_back(other);
+  }
 }
 
 template <int dim>
@@ -406,8 +501,11 @@ void UnilateralContact<dim>::solve(double dt)
       for (std::size_t w = row.begin; w < row.end; ++w)
         of_solid += weights_[w].P * dot(row.n, dv_solid_[static_cast<std::size_t>(weights_[w].node)]);
       const double gap = row.gap + dt * (of_node - of_solid);
-      const double wanted = row.impulse - gap / (dt * row.compliance),
-                   impulse = row.held ? wanted : std::max(0.0, wanted), change = impulse - row.impulse;
+      const double wanted = row.impulse - gap / (dt * row.compliance);
+      double impulse = row.held ? wanted : std::max(0.0, wanted);
+      if (row.normal >= 0)
+        impulse = rows_[static_cast<std::size_t>(row.normal)].impulse > 0.0 ? wanted : 0.0;
+      const double change = impulse - row.impulse;
       if (change == 0.0)
         continue;
       push(row, change);
@@ -458,7 +556,7 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
     if (row.impulse == 0.0)
       continue;
     ++report_.touching;
-    if (!row.held)
+    if (!row.held && row.normal < 0)
       last_impulse_[static_cast<std::size_t>(row.node)] = row.impulse;
     const Vec<dim> J = row.impulse * row.n;
     const auto add = [&](Side side, index_t n, const Vec<dim>& impulse)

@@ -26,6 +26,10 @@
 // the water that they cover is lost when they are replaced. It is let go when the water presses it on the
 // corner with less than what turns a node of its mass around there, at the speed and distance of its
 // neighbours on the boundary: such a flow separates.
+//
+// Where the interface does not let slide (no_slip), a node with Λ_k > 0 also goes with the surface: for each
+// tangent t the same row with t·(v − V) = 0 in place of the inequality. One that is not pressed slides and
+// leaves.
 #pragma once
 
 #include "common/coupling/messages.hpp"
@@ -37,6 +41,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace undine::coupler
@@ -44,20 +49,23 @@ namespace undine::coupler
 
 struct ContactReport
 {
-  int rows = 0;              ///< nodes near enough to be constrained in the last step
-  int touching = 0;          ///< of these, with Λ > 0
-  int sweeps = 0;            ///< of the projected Gauss-Seidel iteration
-  double residual_gap = 0.0; ///< largest remaining violation [m]
-  double deepest = 0.0;      ///< deepest penetration before the step [m]
-  std::int64_t searches = 0; ///< for facets near nodes, since the start
-  std::int64_t solves = 0;   ///< steps with at least one row, since the start
+  int rows = 0;                ///< nodes near enough to be constrained in the last step
+  int touching = 0;            ///< of these, with Λ > 0
+  int sweeps = 0;              ///< of the projected Gauss-Seidel iteration
+  double residual_gap = 0.0;   ///< largest remaining violation [m]
+  double deepest = 0.0;        ///< deepest penetration before the step [m]
+  std::int64_t searches = 0;   ///< for facets near nodes, since the start
+  std::int64_t integrated = 0; ///< faces of the fluid for the mortar rows, since the start
+  std::int64_t solves = 0;     ///< steps with at least one row, since the start
 };
 
 template <int dim>
 class UnilateralContact
 {
 public:
-  UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid);
+  /// @param no_slip names of the solid's interfaces along which the fluid does not slide
+  UnilateralContact(const link::SurfaceMesh& fluid, const link::SurfaceMesh& solid,
+                    std::vector<std::string> no_slip = {});
 
   /// The fluid's nodes near the solid were replaced (remesh).
   void replace_fluid(const link::SurfaceMesh& fluid);
@@ -85,7 +93,8 @@ private:
     double gap = 0.0;               ///< the gap must grow by at least −gap in this step [m]
     double compliance = 0.0;        ///< n·(m⁻¹ + Σ P² M_c⁻¹) n [1/kg]
     double impulse = 0.0;
-    bool held = false; ///< the gap is closed from both sides
+    bool held = false;   ///< the gap is closed from both sides
+    index_t normal = -1; ///< row along the surface: closed from both sides while this row has an impulse
   };
   struct Weight
   {
@@ -97,6 +106,7 @@ private:
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
+  void add_rows_along(const Row& row);
   void find_held();
   void let_go(double dt, const std::array<std::vector<double>, 2>& v);
   void solve(double dt);
@@ -115,15 +125,17 @@ private:
   double reach_ = 0.0, travelled_ = 0.0;
   bool search_due_ = true;
   std::vector<std::vector<int>> faces_;     ///< of the fluid's boundary near the solid
+  std::vector<std::string> no_slip_;        ///< names of interfaces
+  std::vector<char> sticks_;                ///< per facet of the solid: it is of one of them
   std::vector<int> side_;                   ///< smooth side of each facet of the solid
   std::vector<Vec<dim>> x_end_;             ///< trial positions of the fluid's nodes at the step's end
   std::vector<Near> near_;                  ///< where they meet the solid
   std::vector<char> active_;                ///< per fluid face: it lies on the solid
-  std::vector<char> active_built_;          ///< the same when the mortar was integrated
+  std::vector<char> active_built_;          ///< the same at the last step
   std::vector<std::vector<Weight>> mortar_; ///< per fluid node: its row of P; empty: none
   std::vector<Vec<dim>> normal_;            ///< of the fluid's active faces, at nodes
   double travel_of_step_ = 0.0;             ///< of the fastest nodes of both sides [m]
-  double slid_ = 0.0;                       ///< since then [m]
+  std::vector<double> slid_;                ///< each fluid node since its row was integrated [m]
   std::vector<Row> rows_;
   std::vector<Weight> weights_;
   std::vector<double> last_impulse_; ///< of each fluid node: the iteration starts from it

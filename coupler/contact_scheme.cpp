@@ -74,7 +74,11 @@ private:
     const link::SurfaceMesh solid = side[Side::solid]->receive_mesh();
     for (link::PartnerLink* p : side[Side::fluid]->members())
       p->send_surface(solid);
-    return {side[Side::fluid]->receive_mesh(), solid};
+    std::vector<std::string> no_slip;
+    for (const auto& i : config.coupling.interfaces)
+      if (i.kind == "no_slip")
+        no_slip.push_back(i.name);
+    return {side[Side::fluid]->receive_mesh(), solid, std::move(no_slip)};
   }
 
   Sides side_;

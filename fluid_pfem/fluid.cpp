@@ -161,7 +161,8 @@ void Fluid<dim>::kick(double dt, index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::push_off_walls(double dt)
 {
-  contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_);
+  contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_,
+                   [this](Vec<dim>& w, index_t n) { constrain(w, n); });
 }
 
 template <int dim>

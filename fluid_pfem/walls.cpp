@@ -345,8 +345,15 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, ind
 
 template <int dim>
 void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
-                         std::span<const double> m, std::span<Vec<dim>> a, double dt_before)
+                         std::span<const double> m, std::span<Vec<dim>> a, double dt_before,
+                         const std::function<void(Vec<dim>&, index_t)>& constrain)
 {
+  const auto admissible = [&](Vec<dim> w, std::size_t n)
+  {
+    if (constrain)
+      constrain(w, static_cast<index_t>(n));
+    return w;
+  };
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
   // Candidates of one node are adjacent. In each round the piece that is crossed least is corrected: on one
   // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
@@ -378,25 +385,32 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
         break;
       const WallPiece<dim>& wall = pieces_[k];
       // A node that is behind already (merged or split around a corner) gets no deeper; settle() takes it
-      // out. A velocity that takes it out would be energy from nowhere.
-      Vec<dim> dv = ((target - least) / dt) * wall.n;
+      // out. A velocity that takes it out would be energy from nowhere. A node that may only move in another
+      // surface yields along what that leaves of the normal, and the wall feels all of the force.
+      const Vec<dim> way = admissible(wall.n, n);
+      const double share = dot(wall.n, way);
+      if (share < 1e-9)
+        break;
+      const double closing = (target - least) / (dt * share);
+      Vec<dim> dv = closing * way, push = closing * wall.n;
       if (geometry_[static_cast<std::size_t>(wall.wall)].no_slip)
       {
         const Vec<dim> v_wall = velocity_of(k, x[n], dt);
-        dv = v_wall + ((target - wall.distance(x[n] + dt * v_wall)) / dt) * wall.n - v[n];
+        push = dv =
+            admissible(v_wall + ((target - wall.distance(x[n] + dt * v_wall)) / dt) * wall.n - v[n], n);
       }
       // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
       // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
       // has just kicked it.
       work_.add(0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv));
       for (std::size_t i = 0; i < dim; ++i)
-        impulse_[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * dv.c[i]);
+        impulse_[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
       v[n] += dv;
       a[n] += (1.0 / dt_mean) * dv;
       if (end - begin == 1)
         break;
       if (round == 11) // a corner too acute for rounds: it stays where it is on the wall
-        v[n] = velocity_of(k, x[n], dt);
+        v[n] = admissible(velocity_of(k, x[n], dt), n);
     }
     begin = end;
   }

@@ -11,6 +11,7 @@
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -109,8 +110,11 @@ public:
   /// @param a acceleration of the last instant; gets the wall's part, so that it is what the node really does
   /// [m/s²]
   /// @param dt_before the step before this one [s]
+  /// @param constrain takes off a velocity what the surfaces that node n stays in do not allow; empty: all is
+  /// allowed
   void contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
-               std::span<Vec<dim>> a, double dt_before);
+               std::span<Vec<dim>> a, double dt_before,
+               const std::function<void(Vec<dim>&, index_t)>& constrain = {});
   /// Report the largest distance any candidate moved; find_candidates is due when this is true.
   bool candidates_expired(double moved)
   {

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Error against run time of coupled cases: four cases on three or four meshes each, and the column with other step ratios.
+"""Error against run time of coupled cases: four cases on four meshes each, column and pulse with other step ratios, gate and wedge with shorter steps.
 
     scripts/benchmark coupled_error
 
@@ -73,20 +73,29 @@ def main():
             summary, cost = run("acoustic_interface", folder / "a", "--set", f"run.resolution={resolution}")
             rows.append((str(resolution), error_of(summary, "incident and reflected pulse"), cost, summary["windows"], summary["substeps"]))
         tables["pulse on aluminium: L2 of the pressure, d'Alembert"] = rows
-        for case, history, column, resolutions, options, text in (
-                ("elastic_gate", "tip", "u_x[m]", (10, 20, 40, 80), ("--until", "0.13"), "elastic gate: peak of u_x against its own limit"),
-                ("wedge_impact", "B", "u_y[m]", (30, 60, 120, 240), (), "wedge: w_B(2.2 ms) against its own limit")):
+        rows = []
+        for substeps in (1, 2, 3, 6, 12):
+            summary, cost = run("acoustic_interface", folder / "a", "--set", f"coupling.substeps={substeps}")
+            rows.append((f"200, m = {substeps}", error_of(summary, "incident and reflected pulse"), cost, summary["windows"], summary["substeps"]))
+        tables["pulse on one mesh, other step ratios m"] = rows
+        for case, history, column, resolutions, options, text, steps in (
+                ("elastic_gate", "tip", "u_x[m]", (10, 20, 40, 80), ("--until", "0.13"), "elastic gate: peak of u_x against its own limit", (1e-5, 5e-6)),
+                ("wedge_impact", "B", "u_y[m]", (30, 60, 120, 240), (), "wedge: w_B(2.2 ms) against its own limit", (1e-6, 5e-7))):
             runs = []
             for resolution in resolutions:
                 summary, cost = run(case, folder / "v", "--set", f"run.resolution={resolution}", *options)
                 runs.append((str(resolution), largest(folder / "v", history, column), cost, summary["windows"], summary["substeps"]))
             limit = extrapolated([r[1] for r in runs])
+            for step in steps:  # contact takes equal steps: only their length can vary
+                at = resolutions[1 if case == "wedge_impact" else 0]
+                summary, cost = run(case, folder / "v", "--set", f"run.resolution={at}", "--set", f"coupling.dt_max={step}", *options)
+                runs.append((f"{at}, steps at most {step:g} s", largest(folder / "v", history, column), cost, summary["windows"], summary["substeps"]))
             tables[f"{text}, {limit:.5g} m"] = [(r[0], abs(r[1] / limit - 1.0), *r[2:]) for r in runs]
 
     lines = ["# Error against run time, coupled", "",
              "`scripts/benchmark coupled_error`. Run time: seconds in which fluid and solid compute, waiting left out; one run each, on a shared machine.", ""]
     figure, axes = plt.subplots(figsize=(7, 5), constrained_layout=True)
-    for (text, rows), marker in zip(tables.items(), "os^vD"):
+    for (text, rows), marker in zip(tables.items(), "os^<vD"):
         lines += [f"**{text}**", "", "| resolution | relative error | computing [s] | windows | fine steps per window |", "| --- | --- | --- | --- | --- |"]
         lines += [f"| {n} | {e:.2e} | {c:.2g} | {w} | {m} |" for n, e, c, w, m in rows] + [""]
         axes.loglog([r[2] for r in rows], [r[1] for r in rows], marker + "-", label=text.split(":")[0].split(",")[0])

@@ -30,13 +30,12 @@ CouplingConfig read_coupling(const CaseFile& file)
                    "name of the [[solid]] that the surface belongs to; needed where there are several"};
     i.body = config.solids.size() == 1 ? t.choice(body, config.solids[0], config.solids)
                                        : t.choice(body, config.solids);
-    i.kind = t.choice({"kind", "", "slip: only the normal velocity is continuous; no_slip: all of it"},
+    i.kind = t.choice({"kind", "",
+                       "slip: only the normal velocity is continuous; no_slip: all of it, with separation = "
+                       "true where the fluid presses on the solid"},
                       "slip", {"slip", "no_slip"});
     i.separation =
         t.boolean({"separation", "", "the fluid may leave the solid where the interface pulls"}, false);
-    if (i.separation && i.kind == "no_slip")
-      t.fail("kind",
-             "a fluid that may leave the solid slides along it; write kind = \"slip\" or separation = false");
     if (i.separation != (i.fluid == InterfaceConfig::whole_boundary))
       t.fail(
           i.separation ? "fluid" : "separation",

@@ -189,6 +189,87 @@ TEST_CASE(
   CHECK(dt * f[Side::solid][3] / M == Approx(common).epsilon(1e-8));
 }
 
+// As above, in both components; a node that leaves is not held back along the surface either.
+TEST_CASE("Without slip a node that lands goes with the surface, one that leaves is free")
+{
+  const double m = 0.3, M = 0.8, dt = 1e-3;
+  const auto solid = sheet<2>(
+      2, [](double) { return 0.0; }, M, true);
+  auto fluid = sheet<2>(
+      2, [](double) { return 1e-9; }, m, false);
+  fluid.x = {0.5 - 0.4 * dt, 1e-12, 0.25, 1e-12}; // ends the step in the middle
+  UnilateralContact<2> contact(fluid, solid, {"wet"});
+  std::array<std::vector<double>, 2> v{std::vector<double>{0.4, -1.7, 0.4, 3.0}, std::vector<double>(4, 0.0)},
+      f;
+  contact.advance(dt, v, f);
+  for (std::size_t i = 0; i < 2; ++i)
+  {
+    const double common = m * v[Side::fluid][i] / (m + 2.0 * M);
+    CHECK(v[Side::fluid][i] + dt * f[Side::fluid][i] / m == Approx(common).epsilon(1e-8));
+    CHECK(dt * f[Side::solid][i] / M == Approx(common).epsilon(1e-8));
+    CHECK(f[Side::fluid][2 + i] == 0.0);
+  }
+  // in space, onto a sheet that is as good as fixed
+  const auto floor = sheet<3>(
+      3, [](double) { return 0.0; }, 1e12, true);
+  auto drop = sheet<3>(
+      2, [](double) { return 1e-12; }, m, false);
+  UnilateralContact<3> in_space(drop, floor, {"wet"});
+  std::array<std::vector<double>, 2> w{std::vector<double>(12, 0.0), std::vector<double>(27, 0.0)}, g;
+  for (std::size_t n = 0; n < 4; ++n)
+  {
+    drop.x[3 * n] = 0.3 + 0.1 * static_cast<double>(n);
+    drop.x[3 * n + 2] = 0.4;
+    w[Side::fluid][3 * n] = 0.7;
+    w[Side::fluid][3 * n + 1] = -1.0;
+    w[Side::fluid][3 * n + 2] = -0.2;
+  }
+  in_space.replace_fluid(drop);
+  in_space.advance(dt, w, g);
+  for (std::size_t k = 0; k < 12; ++k)
+    CHECK(w[Side::fluid][k] + dt * g[Side::fluid][k] / m == Approx(0.0).margin(1e-8));
+}
+
+// 40 faces of water on a slope; one node leaves, and its two faces with it. The rows of its surroundings are
+// integrated anew, those of the others stay: the forces are those of a contact that begins at this moment and
+// integrates all.
+TEST_CASE("Mortar rows are integrated where faces have come or gone, with the same forces")
+{
+  const auto slope = [](double x) { return -0.3 * x; };
+  const double m = 0.5, dt = 1e-3;
+  const auto solid = sheet<2>(11, slope, 2e6, true);
+  auto fluid = sheet<2>(41, slope, m, true);
+  for (std::size_t f = 0; f + 1 < fluid.face_nodes.size(); f += 2)
+    std::swap(fluid.face_nodes[f], fluid.face_nodes[f + 1]); // the water is above
+  UnilateralContact<2> contact(fluid, solid);
+  std::array<std::vector<double>, 2> v{std::vector<double>(82, 0.0), std::vector<double>(22, 0.0)}, f, g;
+  for (std::size_t k = 0; k < 41; ++k)
+    for (std::size_t i = 0; i < 2; ++i) // into the slope, nothing along it
+      v[Side::fluid][2 * k + i] = -1e-3 * (1.0 + 0.1 * static_cast<double>(k % 3)) * (i == 0 ? 0.3 : 1.0);
+  auto at = contact.solid();
+  for (int step = 0; step < 3; ++step)
+  {
+    contact.advance(dt, v, f);
+    for (std::size_t k = 0; k < fluid.x.size(); ++k)
+      fluid.x[k] += dt * (v[Side::fluid][k] + dt * f[Side::fluid][k] / m);
+    at = contact.solid();
+  }
+  CHECK(contact.report().integrated == 40);
+  v[Side::fluid][2 * 20 + 1] = 10.0;
+  UnilateralContact<2> fresh(fluid, at);
+  contact.advance(dt, v, f);
+  fresh.advance(dt, v, g);
+  CHECK(fresh.report().integrated == 38);
+  CHECK(contact.report().integrated <= 40 + 8);
+  double largest = 0.0;
+  for (const Side s : both_sides)
+    for (std::size_t k = 0; k < f[s].size(); ++k)
+      largest = std::max(largest, std::abs(g[s][k]));
+  for (const Side s : both_sides)
+    for (std::size_t k = 0; k < f[s].size(); ++k)
+      CHECK(std::abs(f[s][k] - g[s][k]) < 1e-6 * largest); // gaps are closed to 1e-12 of a facet
+}
+
 TEST_CASE("Sustained contact does no work and makes no gap: a node slides down a tilted free-falling plate "
           "for 1000 steps")
 {

@@ -2,9 +2,12 @@
 #include "common/error.hpp"
 #include "coupler/mortar.hpp"
 
+#include <Eigen/IterativeLinearSolvers>
 #include <catch2/catch.hpp>
+#include <fmt/format.h>
 
 #include <cmath>
+#include <ctime>
 #include <functional>
 #include <random>
 
@@ -323,4 +326,79 @@ TEST_CASE("the lumped operator is no smaller than the exact one, or refused", "[
   CHECK(lumped.factorisations() == 0);
   const auto coarse = sides(false);
   CHECK_THROWS_AS(InterfaceOperator(coarse[0], coarse[1], true), InputError);
+}
+
+// What a solution for the multipliers costs, and which way pays: a table, not a claim. Right-hand sides turn
+// slowly, as from one sub-step to the next; the conjugate gradients start from the last solution.
+// docs/benchmarks/interface_solver.md.
+TEMPLATE_TEST_CASE_SIG("cost of solving for the multipliers", "[.][benchmark]", ((int dim), dim), 2, 3)
+{
+  const auto microseconds = [](std::clock_t begin) // of this process: others may use the machine
+  { return 1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC; };
+  for (const int n : dim == 2 ? std::vector{100, 300, 1000, 5000} : std::vector{16, 32, 70})
+  {
+    const auto fine = sheet<dim>(n, true, 1, wave, false),
+               coarse = sheet<dim>(n * 3 / 5, false, 7, wave, false);
+    auto begin = std::clock();
+    const auto mortar = integrate_mortar<dim>(fine, coarse, 1.0 / n);
+    const double mortar_time = microseconds(begin);
+    ConstraintRows rows;
+    append_constraints<dim>(mortar, Side::fluid, InterfaceKind::slip, rows);
+    std::array<InterfaceSide, 2> side;
+    for (const Side s : both_sides)
+    {
+      const auto& of = s == Side::fluid ? fine : coarse;
+      const auto A = nodal_measure<dim>(of);
+      const auto size = static_cast<Eigen::Index>(dim * A.size());
+      side[s].L = SparseMatrix(rows.count, size);
+      side[s].L.setFromTriplets(rows.entries[s].begin(), rows.entries[s].end());
+      side[s].inverse_mass = SparseMatrix(size, size);
+      for (Eigen::Index k = 0; k < size; ++k) // densities 1000 and 2700 kg/m3, depth of a face
+        side[s].inverse_mass.insert(k, k) =
+            n / ((s == Side::fluid ? 1000.0 : 4500.0) * A[static_cast<std::size_t>(k / dim)]);
+    }
+    InterfaceOperator H(side[0], side[1]);
+    for (const double ratio : {1.0, 20.0}) // coarse step over fine step
+    {
+      const SparseMatrix matrix = H.assemble(1.0, ratio);
+      Eigen::SimplicialLDLT<SparseMatrix> direct;
+      begin = std::clock();
+      direct.analyzePattern(matrix);
+      const double analysis = microseconds(begin);
+      begin = std::clock();
+      direct.factorize(matrix);
+      const double factor = microseconds(begin);
+      Eigen::ConjugateGradient<SparseMatrix, Eigen::Lower | Eigen::Upper> iterative(matrix);
+      iterative.setTolerance(1e-8);
+      constexpr int times = 50;
+      const auto right_side = [&](int k)
+      {
+        Vector b(matrix.rows());
+        for (Eigen::Index i = 0; i < b.size(); ++i)
+          b[i] = std::sin(20.0 * static_cast<double>(i) / static_cast<double>(b.size()) + 0.02 * k);
+        return b;
+      };
+      std::vector<Vector> b;
+      for (int k = 0; k < times; ++k)
+        b.push_back(right_side(k));
+      Vector x = iterative.solve(right_side(-1)), y;
+      Eigen::Index iterations = 0;
+      begin = std::clock();
+      for (const Vector& right : b)
+        y = direct.solve(right);
+      const double solve = microseconds(begin) / times;
+      begin = std::clock();
+      for (const Vector& right : b)
+      {
+        x = iterative.solveWithGuess(right, x);
+        iterations += iterative.iterations();
+      }
+      const double iterate = microseconds(begin) / times;
+      CHECK((x - y).norm() < 1e-4 * y.norm()); // residual 1e-8 times the condition of H
+      fmt::print("| {} | {} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.1f} | {:.1f} | {:.1f} | {} |\n",
+                 dim == 2 ? "curve" : "surface", matrix.rows(), ratio, mortar_time, analysis, factor, solve,
+                 iterate, static_cast<double>(iterations) / times,
+                 iterate > solve ? fmt::format("{:.0f}", factor / (iterate - solve)) : "never");
+    }
+  }
 }

@@ -305,6 +305,29 @@ TEST_CASE("a no-slip wall takes the node along that touches it", "[fluid][unit]"
   CHECK((v[1] == Vec<2>{{3.0, -1.0}}));
 }
 
+// A wall of slope 0.75 comes down on a node of a plane of symmetry: the node yields downwards only and ends
+// on the wall; the wall feels the force J along its normal whose part along the plane is m Δv, the plane the
+// rest.
+TEST_CASE("a node of a plane of symmetry stays in it when a wall comes", "[fluid][unit]")
+{
+  WallGeometry wedge;
+  wedge.name = "wedge";
+  wedge.points = {{0.4, 0.3, 0.0}, {0.0, 0.0, 0.0}}; // the fluid below
+  for (const char* d : {"0", "-t"})
+    wedge.motion.displacement.emplace_back(d, "test");
+  Walls<2> walls({wedge}, 0.1, 0.0);
+  const std::vector<Vec<2>> x{{{0.0, 0.0}}};
+  std::vector<Vec<2>> v{{{0.0, 0.0}}}, a(1);
+  walls.find_candidates(x, 0, 1, 0.2);
+  walls.move_to(0.01);
+  walls.contact(0.01, x, v, std::vector<double>{2.0}, a, 0.01, [](Vec<2>& w, index_t) { w[0] = 0.0; });
+  CHECK(v[0][0] == 0.0);
+  CHECK(v[0][1] == Approx(-1.0));
+  const Vec<2> J = walls.impulse()[0];
+  CHECK(J[1] == Approx(2.0));
+  CHECK(J[0] == Approx(-2.0 * 0.75));
+}
+
 // Convex corners: a node on one face is not drawn to the other; a concave corner between two walls of
 // different names holds.
 TEST_CASE("nodes pass convex corners and stop in corners that two walls make", "[fluid][unit]")
