@@ -1,16 +1,14 @@
-// One step of the explicit solid, and its balances.
+// One step of the explicit solid.
 #include "solid_fe/solid.hpp"
 
 #include "common/error.hpp"
 #include "solid_fe/critical_time_step.hpp"
 #include "solid_fe/frequency_bounds.hpp"
-#include "solid_fe/strip.hpp"
 #include "solid_fe/true_frequency.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cassert>
 #include <limits>
 
 namespace undine::solid
@@ -309,49 +307,6 @@ void Solid<dim>::predict_velocity(double dt)
 }
 
 template <int dim>
-void Solid<dim>::push(std::span<const double> f_link, double dt)
-{
-  assert(f_link.size() == f_link_.size() * dim);
-  const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      const auto row = [&](std::size_t n) { return Vec<2>{{f_link[2 * n], f_link[2 * n + 1]}}; };
-      for (std::size_t n = 0; n < f_link_.size(); ++n)
-      {
-        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n] - dt_mean * nodes_.a[n]);
-        beam_->add_face_impulse(place_[n].second, place_[n].first, dt * row(n));
-      }
-      show_beam(false);
-      for (std::size_t n = 0; n < f_link_.size(); ++n)
-        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n]);
-      for (auto& driven : driven_fibres_)
-        for (const index_t end : fibre_[driven.fibre])
-          if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
-            driven_work_ -= dt * row(n)[driven.component] * driven.v_step;
-      return;
-    }
-  for (std::size_t n = 0; n < f_link_.size(); ++n)
-    for (int i = 0; i < dim; ++i)
-    {
-      const double f = f_link[n * dim + static_cast<std::size_t>(i)];
-      const double dv = dt * nodes_.inverse_mass[n][i] * f, v = nodes_.v[n][i];
-      // Mean of the velocities in the half steps before and after: exactly the change of kinetic energy
-      // between them.
-      if (nodes_.inverse_mass[n][i] > 0.0)
-        interface_work_ += dt * f * (v + 0.5 * (dv - dt_mean * nodes_.a[n][i]));
-      nodes_.v[n][i] = v + dv;
-    }
-  for (auto& driven : driven_)
-    if (driven.node < f_link_.size())
-    {
-      const double f = f_link[driven.node * dim + static_cast<std::size_t>(driven.component)];
-      interface_work_ += dt * f * driven.v_step;
-      driven_work_ -= dt * f * driven.v_step;
-    }
-}
-
-template <int dim>
 void Solid<dim>::predict_position(double dt)
 {
   const double load_time = time() - dt;
@@ -474,148 +429,6 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
 }
 
 template <int dim>
-void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
-{
-  assert(f_link.size() == f_link_.size() * dim);
-  const double half = 0.5 * dt;
-  for (std::size_t n = 0; n < f_link_.size(); ++n)
-  {
-    Vec<dim> f;
-    for (int i = 0; i < dim; ++i)
-    {
-      f[i] = f_link[n * dim + static_cast<std::size_t>(i)];
-      if (beam_)
-        continue;
-      const double a_link = nodes_.inverse_mass[n][i] * f[i];
-      nodes_.a[n][i] += a_link;
-      nodes_.v[n][i] += half * a_link;
-    }
-    link_beam(n, f, dt);
-    interface_work_ += 0.5 * dot(f_link_[n] + f, step_of_wet_[n]);
-    f_link_[n] = f;
-  }
-  if (beam_)
-    show_beam(false);
-  for (auto& driven : driven_fibres_)
-    for (const index_t end : fibre_[driven.fibre])
-      if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
-      {
-        driven_work_ -= 0.5 * f_link_[n][driven.component] * dt * driven.v_step;
-        driven.reaction -= f_link_[n][driven.component];
-      }
-  for (auto& driven : driven_) // what the link pushes into a driven component, its support takes up
-    if (driven.node < f_link_.size())
-    {
-      const double f = f_link_[driven.node][driven.component];
-      driven_work_ -= 0.5 * f * dt * driven.v_step;
-      driven.reaction -= f;
-    }
-}
-
-template <int dim>
-void Solid<dim>::apply_activation(const link::Activation& activation)
-{
-  assert(activation.impulse.size() == f_link_.size() * dim &&
-         activation.link_force.size() == f_link_.size() * dim);
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      const auto row = [](const std::vector<double>& all, std::size_t n) {
-        return Vec<2>{{all[2 * n], all[2 * n + 1]}};
-      };
-      const double kinetic = beam_->kinetic_energy(); // its change is Σ impulse · (v⁻ + v⁺)/2
-      for (std::size_t n = 0; n < f_link_.size(); ++n)
-        beam_->add_face_impulse(place_[n].second, place_[n].first, row(activation.impulse, n));
-      interface_work_ += beam_->kinetic_energy() - kinetic;
-      beam_->drop_face_forces();
-      for (std::size_t n = 0; n < f_link_.size(); ++n)
-      {
-        f_link_[n] = row(activation.link_force, n);
-        link_beam(n, f_link_[n], 0.0);
-      }
-      show_beam(false);
-      for (auto& driven : driven_fibres_)
-      {
-        driven.reaction = -beam_->force(driven.fibre)[driven.component];
-        for (const index_t end : fibre_[driven.fibre])
-          if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
-            driven.reaction -= f_link_[n][driven.component];
-      }
-      return;
-    }
-  for (std::size_t n = 0; n < f_link_.size(); ++n)
-    for (int i = 0; i < dim; ++i)
-    {
-      const double impulse = activation.impulse[n * dim + static_cast<std::size_t>(i)];
-      const double v_before = nodes_.v[n][i];
-      nodes_.v[n][i] += nodes_.inverse_mass[n][i] * impulse;
-      if (nodes_.inverse_mass[n][i] > 0.0)
-        interface_work_ += impulse * 0.5 * (v_before + nodes_.v[n][i]);
-      f_link_[n][i] = activation.link_force[n * dim + static_cast<std::size_t>(i)];
-      nodes_.a[n][i] = a_free_wet_[n][i] + nodes_.inverse_mass[n][i] * f_link_[n][i];
-    }
-  for (auto& driven : driven_)
-    driven.reaction =
-        driven_force(driven) - (driven.node < f_link_.size() ? f_link_[driven.node][driven.component] : 0.0);
-}
-
-template <int dim>
-link::SurfaceMesh Solid<dim>::wet_surface()
-{
-  auto message = surface_message(reference_, wet_, nodes_);
-  message.epoch = surface_epoch_++;
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      theta_sent_ = beam_->theta();
-      for (std::size_t n = 0; n < f_link_.size(); ++n)
-      {
-        const auto& [k, face] = place_[n];
-        const auto own = beam_->face_inverse_mass(face, face, k);
-        std::copy(own.c.begin(), own.c.end(),
-                  message.inverse_mass.begin() + static_cast<std::ptrdiff_t>(4 * n));
-      }
-      for (std::size_t k = 0; k < fibre_.size(); ++k)
-        if (fibre_[k][0] < reference_.n_wet && fibre_[k][1] < reference_.n_wet)
-        {
-          message.coupled_nodes.insert(message.coupled_nodes.end(), fibre_[k].begin(), fibre_[k].end());
-          const auto block = beam_->face_inverse_mass(BeamFace::left, BeamFace::right, k);
-          message.coupled_inverse_mass.insert(message.coupled_inverse_mass.end(), block.c.begin(),
-                                              block.c.end());
-        }
-    }
-  return message;
-}
-
-template <int dim>
-bool Solid<dim>::wet_surface_has_changed() const
-{
-  for (std::size_t k = 0; k < theta_sent_.size(); ++k)
-    if (std::abs(beam_->theta()[k] - theta_sent_[k]) > 1e-3 &&
-        (fibre_[k][0] < reference_.n_wet || fibre_[k][1] < reference_.n_wet))
-      return true;
-  return false;
-}
-
-template <int dim>
-std::span<const double> Solid<dim>::interface_velocity() const
-{
-  static_assert(sizeof(Vec<dim>) == dim * sizeof(double));
-  return {reinterpret_cast<const double*>(nodes_.v.data()), static_cast<std::size_t>(reference_.n_wet) * dim};
-}
-
-template <int dim>
-link::Kinematics Solid<dim>::interface_kinematics() const
-{
-  link::Kinematics kinematics;
-  const auto v = interface_velocity();
-  kinematics.v.assign(v.begin(), v.end());
-  for (const auto& a : a_free_wet_)
-    kinematics.a_free.insert(kinematics.a_free.end(), a.c.begin(), a.c.end());
-  return kinematics;
-}
-
-template <int dim>
 double Solid<dim>::critical_time_step() const
 {
   const std::span<const Vec<dim>> u(nodes_.u);
@@ -668,145 +481,6 @@ double Solid<dim>::bound_of_frequency_squared() const
 }
 
 template <int dim>
-Energies Solid<dim>::energies() const
-{
-  Energies e;
-  double gravity_work = -gravity_reference_;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-  {
-    e.kinetic += 0.5 * nodes_.m[n] * norm_squared(nodes_.v[n]);
-    gravity_work += given_mass_[n] * dot(gravity_, nodes_.u[n]);
-  }
-  if (beam_)
-  {
-    e.kinetic = beam_->kinetic_energy();
-    e.strain = beam_->strain_energy();
-  }
-  for (const auto& body : bodies_)
-  {
-    const auto stored = stored_energy(body, std::span<const Vec<dim>>(nodes_.u));
-    e.strain += stored.strain;
-    e.hourglass += stored.hourglass;
-    e.plastic += stored.plastic;
-  }
-  e.viscous = viscous_work_;
-  e.contact = contact_work_;
-  e.external = gravity_work + load_work_ + driven_work_;
-  e.interface = interface_work_;
-  return e;
-}
-
-template <int dim>
-double Solid<dim>::mass() const
-{
-  double mass = 0.0;
-  for (const double m : nodes_.m)
-    mass += m;
-  return mass;
-}
-
-template <int dim>
-Vec<dim> Solid<dim>::linear_momentum() const
-{
-  Vec<dim> momentum;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    momentum += nodes_.m[n] * nodes_.v[n];
-  return momentum;
-}
-
-template <int dim>
-Vec<3> Solid<dim>::angular_momentum() const
-{
-  Vec<3> momentum;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-  {
-    Vec<3> x, v;
-    for (int i = 0; i < dim; ++i)
-    {
-      x[i] = nodes_.X[n][i] + nodes_.u[n][i];
-      v[i] = nodes_.v[n][i];
-    }
-    momentum += nodes_.m[n] * cross(x, v);
-  }
-  if (beam_) // the rotary inertia is not that of two masses at the ends
-    momentum[2] = beam_->angular_momentum();
-  return momentum;
-}
-
-template <int dim>
-Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
-{
-  Vec<dim> total;
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      std::vector<bool> counted(fibre_.size(), false);
-      for (const index_t node : nodes)
-        if (const auto k = place_[static_cast<std::size_t>(node)].first; !counted[k])
-        {
-          counted[k] = true;
-          total += beam_->mass(k) * beam_->acceleration(k) - beam_->force(k);
-          for (const index_t end : fibre_[k])
-            if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
-              total -= f_link_[n];
-        }
-      return total;
-    }
-  for (const index_t k : nodes)
-  {
-    const auto n = static_cast<std::size_t>(k);
-    total += nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
-    for (int i = 0; i < dim; ++i)
-      total[i] += opposing(n, i);
-    if (n < f_link_.size())
-      total -= f_link_[n];
-  }
-  return total;
-}
-
-template <int dim>
-std::pair<Vec<dim>, Vec<3>> Solid<dim>::section_force(const Vec<dim>& point, const Vec<dim>& normal) const
-{
-  // Elements in front of the plane push their own nodes with forces that cancel; what is left is what the cut
-  // ones push forward.
-  std::size_t nearest = 0;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    if (norm_squared(nodes_.X[n] - point) < norm_squared(nodes_.X[nearest] - point))
-      nearest = n;
-  const auto about = point + nodes_.u[nearest];
-  std::pair<Vec<dim>, Vec<3>> total{};
-  const auto add = [&](const Vec<dim>& f, const Vec<dim>& x)
-  {
-    total.first += f;
-    Vec<3> arm, force;
-    for (int i = 0; i < dim; ++i)
-    {
-      arm[i] = x[i] - about[i];
-      force[i] = f[i];
-    }
-    total.second += cross(arm, force);
-  };
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      std::vector<Vec<2>> F(beam_->n_nodes());
-      std::vector<double> M(beam_->n_nodes());
-      beam_->internal_force_at(beam_->u(), beam_->theta(), F, M);
-      for (std::size_t k = 0; k < F.size(); ++k)
-        if (dot(beam_->X()[k] - point, normal) > 0.0)
-        {
-          add(-1.0 * F[k], beam_->X()[k] + beam_->u()[k]);
-          total.second[2] -= M[k];
-        }
-      return total;
-    }
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    if (dot(nodes_.X[n] - point, normal) > 0.0)
-      add(-1.0 * F_int_[n], nodes_.X[n] + nodes_.u[n]);
-  return total;
-}
-
-template <int dim>
 double Solid<dim>::time() const
 {
   return t_origin_ + static_cast<double>(steps_of_dt_) * dt_;
@@ -817,15 +491,6 @@ void Solid<dim>::set_time(double t)
 {
   t_origin_ = t;
   steps_of_dt_ = 0;
-}
-
-template <int dim>
-index_t Solid<dim>::n_elements() const
-{
-  index_t n = beam_ ? static_cast<index_t>(beam_->n_elements()) : 0;
-  for (const auto& body : bodies_)
-    n += std::visit([](const auto& block) { return block.size(); }, body.block);
-  return n;
 }
 
 template <int dim>
@@ -1008,115 +673,6 @@ void Solid<dim>::for_each_state(StateArchive& archive)
   archive("frequency_ratio", frequency_ratio_);
   archive("measured_bound", measured_bound_);
   archive("measured_step", measured_step_);
-}
-
-template <int dim>
-void Solid<dim>::make_beam(const SolidConfig& config)
-{
-  if constexpr (dim == 3)
-    throw InputError("solid.formulation = \"beam\": must be in 2-D; use one-point hexahedra in 3-D");
-  else
-  {
-    if (config.plane == PlaneKind::axisymmetric)
-      throw InputError("solid.formulation = \"beam\": the plane may be \"strain\" or \"stress\"");
-    if (config.material.law != Linear::name && config.material.law != StVenantKirchhoff::name)
-      throw InputError(
-          "solid.law = \"" + config.material.law +
-          "\": a beam is linear in the strains of its middle line; must be \"linear\" or \"svk\"");
-    if (config.material.stiffness_damping > 0.0 || !config.rigid.empty())
-      throw InputError(
-          "solid.formulation = \"beam\": solid.stiffness_damping and solid.rigid do not go with it; "
-          "remove them");
-    auto strip = make_strip(reference_.mesh);
-    strip.beam.material = config.material;
-    strip.beam.plane_stress = config.plane == PlaneKind::stress;
-    strip.beam.fixed = fibre_supports(reference_.mesh, strip, config);
-    fibre_ = strip.ends;
-    place_.resize(reference_.mesh.x.size());
-    for (std::size_t k = 0; k < fibre_.size(); ++k)
-      for (const auto face : both_faces)
-        place_[static_cast<std::size_t>(fibre_[k][static_cast<std::size_t>(face)])] = {k, face};
-    face_force_.resize(fibre_.size());
-    beam_.emplace(strip.beam);
-    for (std::size_t c = 0; c < config.velocity.size(); ++c)
-    {
-      const auto& entry = config.velocity[c];
-      const std::string key = "solid.velocity[" + std::to_string(c) + "]";
-      if (entry.is_acceleration)
-        throw InputError("solid.acceleration: a beam takes prescribed velocities only; give the velocity");
-      const auto v = to_vec<2>(entry.value, key + ".value");
-      std::vector<bool> taken(fibre_.size(), false);
-      for (const index_t n : find_nodes(reference_.mesh, entry.on, key + ".on"))
-        if (const auto k = place_[static_cast<std::size_t>(n)].first; !taken[k])
-        {
-          taken[k] = true;
-          for (int i = 0; i < 2; ++i)
-            if (entry.components.empty() || std::find(entry.components.begin(), entry.components.end(),
-                                                      std::string(1, "xy"[i])) != entry.components.end())
-              driven_fibres_.push_back(
-                  {k, i, 0.0, entry.function.empty() ? -1 : static_cast<int>(c), v[i], v[i]});
-        }
-    }
-  }
-}
-
-template <int dim>
-double Solid<dim>::driven_velocity(const DrivenFibre& driven, double t) const
-{
-  if constexpr (dim == 2)
-    if (driven.function >= 0)
-      return driving_[static_cast<std::size_t>(driven.function)](static_cast<std::size_t>(driven.component),
-                                                                 beam_->X()[driven.fibre], t);
-  return driven.v;
-}
-
-/// Free motion of the beam under what acts on the ends of its fibres.
-template <int dim>
-void Solid<dim>::solve_beam(double dt)
-{
-  if constexpr (dim == 2)
-    if (beam_)
-    {
-      for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-      {
-        auto& f = face_force_[place_[n].first][static_cast<std::size_t>(place_[n].second)];
-        for (int i = 0; i < 2; ++i)
-          f[i] = F_ext_[n][i] - opposing(n, i);
-      }
-      beam_->solve_free_motion(dt, face_force_);
-      for (std::size_t e = 0; e < beam_->n_elements(); ++e)
-        if (const auto s = beam_->section(e); !(s.stretch > 0.0))
-          throw NumericalError(fmt::format(
-              "solid: element {} of the beam, near ({:.6g}, {:.6g}) m, has the stretch {:.3g} at step {}, t "
-              "= {:.9g} s: "
-              "it is inverted. The load is beyond what this mesh can carry, or the step is too large",
-              e, s.x[0], s.x[1], s.stretch, step_, time()));
-      for (auto& driven : driven_fibres_)
-        beam_->set_velocity(driven.fibre, driven.component, driven_velocity(driven, time()));
-      show_beam(false);
-    }
-}
-
-template <int dim>
-void Solid<dim>::show_beam(bool moves)
-{
-  if constexpr (dim == 2)
-    for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    {
-      const auto& [k, face] = place_[n];
-      if (moves)
-        nodes_.u[n] = beam_->face_position(face, k) - nodes_.X[n];
-      nodes_.v[n] = beam_->face_velocity(face, k);
-      nodes_.a[n] = beam_->face_acceleration(face, k);
-    }
-}
-
-template <int dim>
-void Solid<dim>::link_beam(std::size_t node, const Vec<dim>& f, double dt)
-{
-  if constexpr (dim == 2)
-    if (beam_)
-      beam_->add_face_force(place_[node].second, place_[node].first, f, dt);
 }
 
 template <int dim>

@@ -153,7 +153,7 @@ TEST_CASE("GC with equal steps equals the undivided bar", "[coupler][unit]")
 // Energy theorem of the scheme: the window map is a contraction in a weighted norm, so its spectral radius
 // is 1. Eigenvalues of modulus 1 are semi-simple; a dense eigenvalue solver finds them to about n·m·2⁻⁵² ≈
 // 1e-11.
-TEST_CASE("the window map never amplifies", "[coupler][unit]")
+TEST_CASE("the window map never amplifies", "[coupler][verification]")
 {
   const int m = GENERATE(1, 2, 5, 10, 50, 100, 250);
   const double mass_ratio = GENERATE(1e-3, 1.0, 100.0);

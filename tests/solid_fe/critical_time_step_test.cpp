@@ -14,7 +14,7 @@ using namespace undine::solid::test;
 // power iteration, which errs to the side that makes the test easier by less than 1 % after 1500 iterations.
 // Tightness is a gate too: a bound below 0.55 of the truth would cost more than it should.
 TEMPLATE_TEST_CASE_SIG("the claimed step never exceeds the true limit and stays near it, also when deformed",
-                       "[solid][unit]", ((int dim), dim), 2, 3)
+                       "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
     for (const auto& law : law_names())
@@ -56,7 +56,7 @@ TEST_CASE("the claimed step of a square mesh without lateral strain is h/c", "[s
 // within a bounded factor of it: 1 / (1 − (Δt/Δt_true)²), at most 20 here since the claim is below 0.97 of
 // the truth on these meshes.
 TEMPLATE_TEST_CASE_SIG("a random motion at 1.0 times the claimed step stays bounded for 1e4 steps",
-                       "[solid][unit]", ((int dim), dim), 2, 3)
+                       "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
     for (const auto& law : law_names())

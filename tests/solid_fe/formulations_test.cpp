@@ -210,7 +210,7 @@ TEMPLATE_TEST_CASE_SIG("the forces of every form are the derivative of its energ
 
 // As in critical_time_step_test.cpp: rigorous up to the finite difference; deformed states of the averaged
 // forms are covered by the bound's extra factor.
-TEMPLATE_TEST_CASE_SIG("the claimed step of every form never exceeds the true limit", "[solid][unit]",
+TEMPLATE_TEST_CASE_SIG("the claimed step of every form never exceeds the true limit", "[solid][verification]",
                        ((int dim), dim), 2, 3)
 {
   auto all = kinds<dim>();

@@ -140,7 +140,7 @@ TEMPLATE_TEST_CASE_SIG("all laws agree with linear elasticity at small strain", 
 // The finite difference of P is good to about 1e-9 of the modulus (see above).
 TEMPLATE_TEST_CASE_SIG(
     "the wave modulus bounds the acoustic tensor of the finite-difference tangent, and is nearly attained",
-    "[solid][unit]", ((int dim), dim), 2, 3)
+    "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for_each_law(
       [](const auto& law)

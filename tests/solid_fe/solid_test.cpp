@@ -78,7 +78,7 @@ TEMPLATE_TEST_CASE_SIG("free flight under gravity is exact", "[solid][unit]", ((
 // to round-off; random walk of 1e4 steps with 1e-16 each, worst case 1e-12. Energy: symplectic scheme, error
 // c Δt² without trend.
 TEMPLATE_TEST_CASE_SIG("a rotating block keeps its angular momentum and a bounded energy error of order Δt²",
-                       "[solid][unit]", ((int dim), dim), 2, 3)
+                       "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
     for (const auto& law : {"neo_hookean_ln", "neo_hookean_j", "svk"})

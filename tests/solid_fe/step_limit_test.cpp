@@ -74,7 +74,7 @@ TEMPLATE_TEST_CASE_SIG("the measured frequency is the true one and at most 2 % m
 
 // The plain energy may exceed the conserved one by 1/(1 − 0.85²) = 3.6. (At 0.9 of the limit two of these 20
 // motions are caught by the resonance of third order at 0.866.)
-TEMPLATE_TEST_CASE_SIG("a motion at the measured step stays bounded for 3000 steps", "[solid][unit]",
+TEMPLATE_TEST_CASE_SIG("a motion at the measured step stays bounded for 3000 steps", "[solid][verification]",
                        ((int dim), dim), 2, 3)
 {
   double gain = 0.0;
@@ -107,7 +107,7 @@ TEST_CASE("a frequency that cannot be measured is refused", "[solid][unit]")
 
 // A layer of flat elements in a box: the step wanted is three times theirs.
 TEMPLATE_TEST_CASE_SIG("mass scaling gives the wanted step, tells what it added and leaves the weight alone",
-                       "[solid][unit]", ((int dim), dim), 2, 3)
+                       "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
     for (const auto form : {Formulation::full, Formulation::one_point})
