@@ -118,6 +118,7 @@ void Interface::move(Side side, const Vector& travel)
 
 bool Interface::has_deformed() const
 {
+  constexpr double unchanged = 1e-6; // of a face: C and the normals change by as much
   const auto dim = static_cast<std::size_t>(surface_[Side::fluid].dim);
   for (std::size_t i = 0; i < dim; ++i)
   {
@@ -133,7 +134,7 @@ bool Interface::has_deformed() const
         most = std::max(most, d);
       }
     }
-    if (most - least > 1e-10 * face_size_)
+    if (most - least > unchanged * face_size_)
       return true;
   }
   return false;

@@ -48,7 +48,7 @@ public:
   /// From now on displacements count from the present positions.
   void fix_positions(Side side) { x_message_[side] = surface_[side].x; }
   /// The surfaces have deformed or slid against each other since the operator was built, beyond a common
-  /// translation and a fraction 1e-10 of a face: D, C and the normals are no longer those of the present
+  /// translation and a fraction 1e-6 of a face: D, C and the normals are no longer those of the present
   /// surfaces.
   bool has_deformed() const;
   /// Operator of the present surfaces.
