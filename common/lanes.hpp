@@ -72,17 +72,34 @@ public:
 #endif
   }
 
+  /// 1/√a of positive numbers, relative error below 1e-15.
+  friend Lanes inverse_sqrt(const Lanes& a)
+  {
+#if defined(__AVX512F__) // y of 14 bits, e = 1 − a y²: y (1 − e)^(−½) by its series; a third of root and
+                         // division
+    const Numbers y(_mm512_rsqrt14_pd(__m512d(a.x_))), e = 1.0 - a.x_ * y * y;
+    return y + y * e * (0.5 + e * (0.375 + e * 0.3125));
+#else
+    return Lanes(1.0) / sqrt(a);
+#endif
+  }
+
 private:
   Numbers x_;
 };
 
+inline double inverse_sqrt(double a) { return 1.0 / std::sqrt(a); }
 inline bool any(bool condition) { return condition; }
 inline bool any(const Lanes::Mask& condition)
 {
+#if defined(__AVX512F__)
+  return _mm512_test_epi64_mask(__m512i(condition), __m512i(condition)) != 0;
+#else
   const auto four = __builtin_shufflevector(condition, condition, 0, 1, 2, 3) |
                     __builtin_shufflevector(condition, condition, 4, 5, 6, 7);
   const auto two = __builtin_shufflevector(four, four, 0, 1) | __builtin_shufflevector(four, four, 2, 3);
   return (two[0] | two[1]) != 0;
+#endif
 }
 /// condition ? yes : no, for numbers that may be Lanes.
 inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
@@ -118,65 +135,99 @@ inline void store_lanes(const Lanes& x, double* to, int count)
 /// Eight pairs of numbers become two columns: lane e of a and b is from[e][0] and from[e][1].
 inline void load_pairs(const double* const (&from)[Lanes::size], Lanes& a, Lanes& b)
 {
+#if defined(__AVX512F__)
+  const auto four = [&from](int e) // pairs e, e + 2, e + 4, e + 6, straight from memory
+  {
+    __m512d p = _mm512_castpd128_pd512(_mm_loadu_pd(from[e]));
+    p = _mm512_mask_broadcast_f64x2(p, 0x0c, _mm_loadu_pd(from[e + 2]));
+    p = _mm512_mask_broadcast_f64x2(p, 0x30, _mm_loadu_pd(from[e + 4]));
+    return Lanes::Numbers(_mm512_mask_broadcast_f64x2(p, 0xc0, _mm_loadu_pd(from[e + 6])));
+  };
+#else
   typedef double Two __attribute__((vector_size(2 * sizeof(double))));
-  Two p[8];
-  for (int e = 0; e < 8; ++e)
-    __builtin_memcpy(&p[e], from[e], sizeof p[e]);
-  const auto join = [&](int e, int f) { return __builtin_shufflevector(p[e], p[f], 0, 1, 2, 3); };
-  const Lanes::Numbers even = __builtin_shufflevector(join(0, 2), join(4, 6), 0, 1, 2, 3, 4, 5, 6, 7),
-                       odd = __builtin_shufflevector(join(1, 3), join(5, 7), 0, 1, 2, 3, 4, 5, 6, 7);
+  const auto join = [](const double* p, const double* q)
+  {
+    Two two[2];
+    __builtin_memcpy(&two[0], p, sizeof two[0]);
+    __builtin_memcpy(&two[1], q, sizeof two[1]);
+    return __builtin_shufflevector(two[0], two[1], 0, 1, 2, 3);
+  };
+  const auto four = [&](int e) -> Lanes::Numbers
+  {
+    return __builtin_shufflevector(join(from[e], from[e + 2]), join(from[e + 4], from[e + 6]), 0, 1, 2, 3, 4,
+                                   5, 6, 7);
+  };
+#endif
+  const Lanes::Numbers even = four(0), odd = four(1);
   a = __builtin_shufflevector(even, odd, 0, 8, 2, 10, 4, 12, 6, 14);
   b = __builtin_shufflevector(even, odd, 1, 9, 3, 11, 5, 13, 7, 15);
 }
 
-/// Eight rows of eight numbers become columns: lane e of column[k] is row[e][k], k < 8. Rows are aligned to
-/// 64 bytes.
+/// Four numbers that are loaded, added, stored together.
+typedef double FourNumbers __attribute__((vector_size(4 * sizeof(double))));
+
+/// Eight rows of four numbers become columns: lane e of column[k] is row[e][k], k < 4. Rows are aligned to 32
+/// bytes.
 inline void load_columns(const double* const (&row)[Lanes::size], Lanes* column)
 {
   using Eight = Lanes::Numbers;
-  Eight a[8], b[8];
-  for (int e = 0; e < 8; ++e)
-    a[e] = *reinterpret_cast<const Eight*>(row[e]);
-  for (int e = 0; e < 8; e += 2) // pairs of numbers of two rows …
+  const auto rows = [&row](int e, int f) -> Eight
   {
-    b[e] = __builtin_shufflevector(a[e], a[e + 1], 0, 8, 2, 10, 4, 12, 6, 14);
-    b[e + 1] = __builtin_shufflevector(a[e], a[e + 1], 1, 9, 3, 11, 5, 13, 7, 15);
-  }
-  for (int e = 0; e < 8; e += 4) // … of four …
-    for (int k = 0; k < 2; ++k)
-    {
-      a[e + k] = __builtin_shufflevector(b[e + k], b[e + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
-      a[e + k + 2] = __builtin_shufflevector(b[e + k], b[e + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
-    }
-  for (int k = 0; k < 4; ++k) // … of eight
-  {
-    column[k] = __builtin_shufflevector(a[k], a[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
-    column[k + 4] = __builtin_shufflevector(a[k], a[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
-  }
+    const auto &first = *reinterpret_cast<const FourNumbers*>(row[e]),
+               &second = *reinterpret_cast<const FourNumbers*>(row[f]);
+#if defined(__AVX512F__) // the second straight from memory: GCC would load it and shuffle
+    return Eight(_mm512_insertf64x4(_mm512_castpd256_pd512(__m256d(first)), __m256d(second), 1));
+#else
+    return __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7);
+#endif
+  };
+  const Eight a = rows(0, 2), b = rows(1, 3), c = rows(4, 6), d = rows(5, 7);
+  const Eight ab = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14),
+              cd = __builtin_shufflevector(c, d, 0, 8, 2, 10, 4, 12, 6, 14),
+              AB = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15),
+              CD = __builtin_shufflevector(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
+  column[0] = __builtin_shufflevector(ab, cd, 0, 1, 4, 5, 8, 9, 12, 13);
+  column[1] = __builtin_shufflevector(AB, CD, 0, 1, 4, 5, 8, 9, 12, 13);
+  column[2] = __builtin_shufflevector(ab, cd, 2, 3, 6, 7, 10, 11, 14, 15);
+  column[3] = __builtin_shufflevector(AB, CD, 2, 3, 6, 7, 10, 11, 14, 15);
 }
 
-/// Four numbers that are added together.
-typedef double FourNumbers __attribute__((vector_size(4 * sizeof(double))));
-
-/// Four columns become eight rows: row[e][k] is lane e of column k.
-inline void store_rows(const Lanes (&column)[4], FourNumbers (&row)[Lanes::size])
+/// Eight rows of four numbers, two and two.
+class EightRows
 {
-  using Eight = Lanes::Numbers;
-  const Eight c0 = column[0].numbers(), c1 = column[1].numbers(), c2 = column[2].numbers(),
-              c3 = column[3].numbers();
-  const Eight even01 = __builtin_shufflevector(c0, c1, 0, 8, 2, 10, 4, 12, 6, 14),
-              odd01 = __builtin_shufflevector(c0, c1, 1, 9, 3, 11, 5, 13, 7, 15),
-              even23 = __builtin_shufflevector(c2, c3, 0, 8, 2, 10, 4, 12, 6, 14),
-              odd23 = __builtin_shufflevector(c2, c3, 1, 9, 3, 11, 5, 13, 7, 15);
-  row[0] = __builtin_shufflevector(even01, even23, 0, 1, 8, 9);
-  row[1] = __builtin_shufflevector(odd01, odd23, 0, 1, 8, 9);
-  row[2] = __builtin_shufflevector(even01, even23, 2, 3, 10, 11);
-  row[3] = __builtin_shufflevector(odd01, odd23, 2, 3, 10, 11);
-  row[4] = __builtin_shufflevector(even01, even23, 4, 5, 12, 13);
-  row[5] = __builtin_shufflevector(odd01, odd23, 4, 5, 12, 13);
-  row[6] = __builtin_shufflevector(even01, even23, 6, 7, 14, 15);
-  row[7] = __builtin_shufflevector(odd01, odd23, 6, 7, 14, 15);
-}
+public:
+  /// Row e is lane e of the four columns.
+  explicit EightRows(const Lanes (&column)[4])
+  {
+    using Eight = Lanes::Numbers;
+    const Eight &a = column[0].numbers(), &b = column[1].numbers(), &c = column[2].numbers(),
+                &d = column[3].numbers();
+    const Eight ab = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14),
+                AB = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15),
+                cd = __builtin_shufflevector(c, d, 0, 8, 2, 10, 4, 12, 6, 14),
+                CD = __builtin_shufflevector(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
+    two_[0] = __builtin_shufflevector(ab, cd, 0, 1, 8, 9, 2, 3, 10, 11);
+    two_[1] = __builtin_shufflevector(AB, CD, 0, 1, 8, 9, 2, 3, 10, 11);
+    two_[2] = __builtin_shufflevector(ab, cd, 4, 5, 12, 13, 6, 7, 14, 15);
+    two_[3] = __builtin_shufflevector(AB, CD, 4, 5, 12, 13, 6, 7, 14, 15);
+  }
+  EightRows& operator+=(const EightRows& other)
+  {
+    for (std::size_t k = 0; k < 4; ++k)
+      two_[k] += other.two_[k];
+    return *this;
+  }
+  FourNumbers operator[](std::size_t e) const
+  {
+    FourNumbers row;
+    __builtin_memcpy(&row, reinterpret_cast<const double*>(&two_[e / 4 * 2 + e % 2]) + e / 2 % 2 * 4,
+                     sizeof row);
+    return row;
+  }
+
+private:
+  Lanes::Numbers two_[4]; ///< rows 0, 2; 1, 3; 4, 6; 5, 7
+};
 
 /// ln(1 + x), x > −1, relative error below 2e-16 · 2 (the polynomial is that of fdlibm's e_log.c). NaN for x
 /// < −1.

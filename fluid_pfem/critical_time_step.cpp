@@ -43,6 +43,17 @@ public:
         else
           return nodes.x[static_cast<std::size_t>(n)];
       };
+      if (inner(fan)) // triangles (i, n_k, n_k+1) all around
+      {
+        index_t before = fan.back().opposite[0];
+        for (const auto& entry : fan)
+        {
+          const double B = sixth * norm(x(before) - x(entry.opposite[1]));
+          visit(entry.opposite[0], B, B);
+          before = entry.opposite[0];
+        }
+        return; // its volume does not depend on x_i
+      }
       const bool closed = fan.back().opposite[1] == fan.front().opposite[0];
       Vec<2> own{};
       for (std::size_t k = 0; k < fan.size(); ++k)
@@ -108,6 +119,15 @@ public:
   }
 
 private:
+  /// One closed ring of triangles.
+  static bool inner(std::span<const FanEntry<dim>> fan)
+  {
+    bool joined = fan.back().opposite[1] == fan.front().opposite[0];
+    for (std::size_t k = 0; k + 1 < fan.size(); ++k)
+      joined = joined && fan[k].opposite[1] == fan[k + 1].opposite[0];
+    return joined;
+  }
+
   static constexpr double sixth = 1.0 / 6.0;
   std::vector<index_t> neighbour_;
   std::vector<std::array<Vec<dim>, 2>> value_;
@@ -172,7 +192,7 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
   shear.assign(viscosity.mu > 0.0 ? nodes.x.size() : 0, 0.0);
   const bool depends_on_elements = viscosity.mu > 0.0 || viscosity.bulk_quadratic > 0.0;
   const double c0 = tait.sound_speed(tait.rho0);
-  const auto see = [&](const Simplex<dim>& e, const Share& share, bool own)
+  const auto see = [&](const Simplex<dim>& e, const Share& share, bool own, double& xi_here)
   {
     const auto x = corners<dim>(nodes.x, e, nodes.period);
     Mat<dim> V_grad_v;
@@ -190,7 +210,7 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
     const double height = V / std::sqrt(V2_grad_N2), div_v = trace(V_grad_v) / V;
     const double b2 = viscosity.bulk_quadratic;
     if (own)
-      xi = std::max(xi, viscosity.bulk_linear + b2 * b2 * height * std::max(-div_v, 0.0) / c0);
+      xi_here = std::max(xi_here, viscosity.bulk_linear + b2 * b2 * height * std::max(-div_v, 0.0) / c0);
     // vᵀK v = ∫2μ |dev ε|² ≤ ∫2μ |∇v|²: at most twice the Laplacian, of which this is the row sum.
     if (viscosity.mu > 0.0)
       for (std::size_t a = 0; a <= dim; ++a)
@@ -198,12 +218,19 @@ double critical_time_step(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
           shear[static_cast<std::size_t>(e[a])] += 2.0 * viscosity.mu * viscous_fraction<dim>(V, V2_grad_N2) *
                                                    norm(V_grad_N[a]) * V_grad_N_sum / V;
   };
-  for (const Share& share : std::span(team.shares()).first(depends_on_elements ? team.shares().size() : 0))
+  if (depends_on_elements)
   {
-    for (const index_t e : share.before)
-      see(mesh.elements[static_cast<std::size_t>(e)], share, false);
-    for (index_t e = share.element_begin; e < share.element_end; ++e)
-      see(mesh.elements[static_cast<std::size_t>(e)], share, true);
+    team.each(
+        [&](const Share& share)
+        {
+          double xi_here = xi;
+          for (const index_t e : share.before)
+            see(mesh.elements[static_cast<std::size_t>(e)], share, false, xi_here);
+          for (index_t e = share.element_begin; e < share.element_end; ++e)
+            see(mesh.elements[static_cast<std::size_t>(e)], share, true, xi_here);
+          workspace.largest[team.number(share)] = xi_here;
+        });
+    xi = *std::max_element(workspace.largest.begin(), workspace.largest.end());
   }
   double lambda = 0.0;
   for (std::size_t n = 0; n < shear.size(); ++n)

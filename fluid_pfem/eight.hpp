@@ -10,23 +10,32 @@
 namespace undine::fluid
 {
 
-template <int dim>
-using EightElements = std::array<const Simplex<dim>*, Lanes::size>;
-
 /// Simplices list[first] … of a list that ends at `end` (null: first …); the last is repeated.
 template <int dim>
-EightElements<dim> eight_of(std::span<const Simplex<dim>> simplices, const index_t* list, index_t first,
-                            index_t end)
+class EightElements
 {
-  EightElements<dim> element;
-  for (index_t l = 0; l < Lanes::size; ++l)
+public:
+  EightElements(std::span<const Simplex<dim>> simplices, const index_t* list, index_t first, index_t end)
+      : at_(simplices.data() + first)
   {
-    const index_t k = std::min(first + l, end - 1);
-    element[static_cast<std::size_t>(l)] =
-        &simplices[static_cast<std::size_t>(list == nullptr ? k : list[k])];
+    if (list == nullptr && first + Lanes::size <= end)
+      return;
+    for (index_t l = 0; l < Lanes::size; ++l)
+    {
+      const index_t k = std::min(first + l, end - 1);
+      copy_[static_cast<std::size_t>(l)] = simplices[static_cast<std::size_t>(list == nullptr ? k : list[k])];
+    }
+    at_ = copy_.data();
   }
-  return element;
-}
+  EightElements(const EightElements&) = delete;
+  EightElements& operator=(const EightElements&) = delete;
+
+  const Simplex<dim>& operator[](std::size_t l) const { return at_[l]; }
+
+private:
+  const Simplex<dim>* at_;
+  std::array<Simplex<dim>, Lanes::size> copy_;
+};
 
 /// Where one corner of each of the eight is.
 template <int dim>
@@ -37,13 +46,13 @@ void load_points(const Vec<dim>* x, const EightElements<dim>& element, std::size
   {
     const double* row[Lanes::size];
     for (std::size_t l = 0; l < Lanes::size; ++l)
-      row[l] = x[(*element[l])[corner]].c.data();
+      row[l] = x[element[l][corner]].c.data();
     load_pairs(row, points[0], points[1]);
   }
   else
     for (std::size_t l = 0; l < Lanes::size; ++l)
       for (int i = 0; i < dim; ++i)
-        points[i].set(static_cast<int>(l), x[(*element[l])[corner]][i]);
+        points[i].set(static_cast<int>(l), x[element[l][corner]][i]);
 }
 
 } // namespace undine::fluid

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -456,8 +457,24 @@ bool Fluid<dim>::mesh_is_bad()
 {
   if (openings_.row_due(nodes_))
     return true;
-  const index_t begin = team_.element_begin(), end = team_.element_end();
-  if (any_rank(is_worse<dim>(mesh_, begin, end, nodes_.x, quality_, config_.remesh.quality, nodes_.period)))
+  const auto any_share = [this](auto&& found_in)
+  {
+    std::atomic<bool> found = false;
+    team_.each(
+        [&](const Share& share)
+        {
+          if (found_in(share))
+            found = true;
+        });
+    return found.load();
+  };
+  const bool worse = any_share(
+      [this](const Share& share)
+      {
+        return is_worse<dim>(mesh_, share.element_begin, share.element_end, nodes_.x, quality_,
+                             config_.remesh.quality, nodes_.period);
+      });
+  if (any_rank(worse))
     return true;
   const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;
   if (due == good_for_)
@@ -468,13 +485,18 @@ bool Fluid<dim>::mesh_is_bad()
   // A mesh is still good if its nodes have only moved together and no gap closes: a gap that has kept its
   // shape was decided at the last remesh, and round-off must not decide it again. Gaps that are not watched
   // are wider than twice the circumradius up to which they are.
-  const auto own = std::span<const Simplex<dim>>(mesh_.elements)
-                       .subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
   const std::span<const Simplex<dim>> gaps = ranks().alone() ? gaps_ : own_gaps_;
   const auto strained = [this](std::span<const Simplex<dim>> simplices, double limit)
   { return is_strained<dim>(simplices, nodes_.x, x_remesh_, nodes_.h, limit, nodes_.period); };
-  const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size ||
-                   strained(own, config_.remesh.strain) || strained(gaps, 1.0) ||
+  const auto own_strained = [&](const Share& share)
+  {
+    return strained(std::span<const Simplex<dim>>(mesh_.elements)
+                        .subspan(static_cast<std::size_t>(share.element_begin),
+                                 static_cast<std::size_t>(share.element_end - share.element_begin)),
+                    config_.remesh.strain);
+  };
+  const bool bad = travelled_ > 0.7 * watched_gap * config_.element_size || any_share(own_strained) ||
+                   strained(gaps, 1.0) ||
                    std::any_of(gaps.begin(), gaps.end(),
                                [&](const Simplex<dim>& gap)
                                {

@@ -24,11 +24,11 @@ template <int dim>
 {
   constexpr int L = Lanes::size;
   double* V = nodes.V.data();
-  const bool all_mine = share.node_begin == 0 && share.node_end == nodes.size();
+  const bool all_mine = share.owns_corners(list, begin);
   for (index_t first = begin; first < end; first += L)
   {
     const int count = std::min<index_t>(L, end - first);
-    const auto element = eight_of<dim>(mesh.elements, list, first, end);
+    const EightElements<dim> element(mesh.elements, list, first, end);
     std::array<Vec<dim, Lanes>, dim + 1> corner;
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(nodes.x.data(), element, c, corner[c]);
@@ -42,11 +42,11 @@ template <int dim>
       for (std::size_t l = 0; l < L; ++l)
 #pragma GCC unroll 4
         for (std::size_t c = 0; c <= dim; ++c)
-          V[(*element[l])[c]] += added[l];
+          V[element[l][c]] += added[l];
     }
     else
       for (std::size_t l = 0; l < static_cast<std::size_t>(count); ++l)
-        for (const index_t n : *element[l])
+        for (const index_t n : element[l])
           if (share.owns(n))
             V[n] += added[l];
   }
@@ -123,15 +123,33 @@ void exchange_mass(std::span<const double> mass_rate, double feedback_rate, doub
         fed.set(l, 0.0);
         least.set(l, m[l]);
       }
-    for (int l = 0; l < count && !energy.empty(); ++l)
+    if (!energy.empty())
     {
-      const std::size_t n = i + static_cast<std::size_t>(l);
-      const auto &x = nodes.x[n], &v = nodes.v[n], &a = nodes.a[n];
-      const bool opened = !tension && (nodes.flag[n] & on_free_surface) && nodes.rho[n] < tait.rho0;
-      const double h_n = opened ? 0.0 : tait.enthalpy(nodes.rho[n]);
-      energy[n - static_cast<std::size_t>(begin)] +=
-          weight * ((0.5 * dot(v, v) - dot(g, x)) * exchanged[l] + h_n * (exchanged[l] + fed[l]) +
-                    dt * dot(v, (M[l] - nodes.inertia[n]) * a - (M[l] - m[l]) * g));
+      const auto columns = [&](const std::vector<Vec<dim>>& field)
+      {
+        Vec<dim, Lanes> f;
+        for (int l = 0; l < count; ++l)
+          for (int k = 0; k < dim; ++k)
+            f[k].set(l, field[i + static_cast<std::size_t>(l)][k]);
+        return f;
+      };
+      const Vec<dim, Lanes> x = columns(nodes.x), v = columns(nodes.v), a = columns(nodes.a);
+      const Lanes rho = load_lanes(&nodes.rho[i], count), inertia = load_lanes(&nodes.inertia[i], count);
+      Lanes h_n = tait.enthalpy(rho);
+      if (!tension)
+        for (int l = 0; l < count; ++l)
+          if ((nodes.flag[i + static_cast<std::size_t>(l)] & on_free_surface) && rho[l] < tait.rho0)
+            h_n.set(l, 0.0);
+      Lanes g_x(0.0), v_forces(0.0);
+      for (int k = 0; k < dim; ++k)
+      {
+        g_x += Lanes(g[k]) * x[k];
+        v_forces += v[k] * ((M - inertia) * a[k] - (M - m) * Lanes(g[k]));
+      }
+      double* const to = &energy[static_cast<std::size_t>(first - begin)];
+      const Lanes given =
+          (Lanes(0.5) * dot(v, v) - g_x) * exchanged + h_n * (exchanged + fed) + Lanes(dt) * v_forces;
+      store_lanes(load_lanes(to, count) + Lanes(weight) * given, to, count);
     }
     const Lanes m_new = m + (exchanged + fed);
     store_lanes(m_new, &nodes.m[i], count);

@@ -4,10 +4,12 @@
 //   F_j = Σ_e p̄_e V_e ∇N_j,  p̄_e the mean of the nodal pressures,
 // so that between remeshes the inviscid, unstabilised fluid is a Hamiltonian system and central differences
 // keep its energy. Everything else is a term of an element: a bulk viscosity q_e added to p̄_e, a viscous
-// stress τ_e, a mass flux z_e. A term that a scene does not need is not computed.
+// stress τ_e, a mass flux z_e. Without viscosity τ_e is not computed, without both stabilisers neither q_e
+// nor z_e.
 //
 // One pass over the elements, eight at a time, reads one record per corner and adds force and mass flux to
-// the corners. Elements are added in their order, so every sum has one order.
+// the corners, to the first minus what the others get. Elements are added in their order, so every sum has
+// one order.
 #pragma once
 
 #include "common/lanes.hpp"

@@ -54,13 +54,21 @@ struct Tait
     return B / rho0 * (std::expm1((gamma - 1.0) * l) / (gamma - 1.0) + std::expm1(-l));
   }
   /// Enthalpy e + (p − p₀)/ρ: what mass added at constant volume brings into the energy [J/kg].
-  double enthalpy(double rho) const
+  template <class Real>
+  Real enthalpy(const Real& rho) const
   {
-    const double r = rho / rho0;
-    if (gamma == 1.0)
-      return B / rho0 * std::log(r);
-    const double r2 = r * r, power = gamma == 7.0 ? r2 * r2 * r2 : std::pow(r, gamma - 1.0);
-    return B / rho0 * gamma / (gamma - 1.0) * (power - 1.0);
+    const Real r = rho * Real(1.0 / rho0);
+    Real power;
+    if (gamma == 7.0)
+    {
+      const Real r2 = r * r;
+      power = r2 * r2 * r2;
+    }
+    else
+      for (int k = 0; k < lanes_of<Real>; ++k)
+        set_lane(power, k, gamma == 1.0 ? std::log(lane(r, k)) : std::pow(lane(r, k), gamma - 1.0));
+    return gamma == 1.0 ? Real(B / rho0) * power
+                        : Real(B / rho0 * gamma / (gamma - 1.0)) * (power - Real(1.0));
   }
   /// Density at rest under `depth` of fluid with surface pressure p₀: ∫dp/ρ = g·depth in closed form.
   double hydrostatic_density(double g_depth) const

@@ -27,7 +27,15 @@ struct Share
   std::vector<index_t> before; ///< elements of shares before it, in order, by whole groups of eight that
                                ///< touch its nodes: the order in which a node is summed depends on the groups
 
+  std::vector<char> mixed; ///< per block of its elements: has a corner that is another's; empty: none has
+
   bool owns(index_t n) const { return n >= node_begin && n < node_end; }
+  /// Every corner of elements begin, … of one of its blocks is its own; of a list they may be anybody's.
+  bool owns_corners(const index_t* list, index_t begin) const
+  {
+    return list == nullptr &&
+           (mixed.empty() || !mixed[static_cast<std::size_t>((begin - element_begin) / element_block)]);
+  }
 };
 
 /// The threads of a rank, and its part among the ranks: ranges of nodes and elements in their order, so that
@@ -94,6 +102,7 @@ public:
       s.node_begin = first_node(k);
       s.node_end = first_node(k + 1);
       s.before.clear();
+      s.mixed.clear();
       const auto touches = [&](index_t e)
       {
         const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
@@ -106,6 +115,14 @@ public:
           near = touches(e);
         for (index_t e = group; e < group + Lanes::size && near; ++e)
           s.before.push_back(e);
+      }
+      for (index_t block = s.element_begin; block < s.element_end && parts > 1; block += element_block)
+      {
+        bool mixed = false;
+        for (index_t e = block; e < std::min(block + element_block, s.element_end) && !mixed; ++e)
+          for (const index_t k : mesh.elements[static_cast<std::size_t>(e)])
+            mixed = mixed || !s.owns(k);
+        s.mixed.push_back(mixed);
       }
     }
   }

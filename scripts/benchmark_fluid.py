@@ -25,17 +25,36 @@ def measure(nodes_over_width, t_end, repeats, threads=1):
     return {key: statistics.median(s[key] for s in samples) for key in samples[0]}
 
 
+def parts(nodes_over_width):
+    done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_parts", str(nodes_over_width)], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def table_of_parts(widths):
+    """Every part called alone, on one state: ns of CPU time per node and call, and per step where it is not called in every one."""
+    rows = [parts(n) for n in widths]
+    names = {"volumes": ("volumes of nodes", 1), "state": ("density and pressure", 1), "records": ("records of nodes", 1), "forces": ("element forces, all terms", 1),
+             "pressure_forces": ("(pressure alone)", 0), "accelerations": ("accelerations", 1), "exchange": ("exchange of mass", 0.8),
+             "exchange_booked": ("the same with its energy", 0.2), "bound": ("largest stable step", 1 / 8), "worse": ("shape of elements", 1 / 4)}
+    lines = ["| part | per step | " + " | ".join(f"{r['nodes']} nodes" for r in rows) + " |", "| --- | --- |" + " --- |" * len(rows)]
+    for key, (name, often) in names.items():
+        lines.append(f"| {name} | {often:.3g} | " + " | ".join(f"{r[key]:.1f}" for r in rows) + " |")
+    lines.append("| sum | | " + " | ".join(f"**{sum(r[key] * often for key, (_, often) in names.items()):.1f}**" for r in rows) + " |")
+    return lines
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--repeats", type=int, default=3)
     p.add_argument("--scenes", nargs="+", default=["20:4", "66:2.5", "207:0.3", "650:0.02"], help="nodes over the width : end of the run t sqrt(2g/a)")
     p.add_argument("--threads", default="207:0.1", help="scene that is run with one and with two threads")
+    p.add_argument("--parts", nargs="+", type=int, default=[66, 207], help="nodes over the width of the table by part")
     args = p.parse_args()
     rows = [measure(*(float(x) if "." in x else int(x) for x in scene.split(":")), args.repeats) for scene in args.scenes]
     lines = ["# What a step of the fluid costs", "",
              "A dam break (column a x 2a, sliding walls, all stabilisers every step), ns of CPU time per node and step on one core, everything included; medians. "
              "*step*: volumes, pressure, forces, mass exchange, kick; *move*: prediction and wall contact; *bound*: largest stable step, every 8 steps; *look*: "
-             "is the mesh good, every 4 steps; *remesh*: all of it, spread over the steps; *ledgers*: 100 rows. STREAM triad runs in the same process right after, over "
+             "is the mesh good, every 4 steps; *remesh*: all of it, spread over the steps; *ledgers*: a row every 0.04 T. STREAM triad runs in the same process right after, over "
              "arrays as large as the state and over 480 MB. *volume*: largest error of the volume during the run; *energy*: what remeshing gave and took, over the initial potential energy.", "",
              "| nodes | to T | steps | remeshes (rebuilds) | all | step | move | bound | look | remesh | ledgers | remesh [us/node] | triad same size / memory [GB/s] | step / triad time of its 545 B | peak B/node | volume | energy |",
              "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
@@ -48,6 +67,8 @@ def main():
     one, two = (measure(int(n), float(t_end), args.repeats, threads) for threads in (1, 2))
     lines += ["", f"Threads, {one['nodes']:.0f} nodes to T = {t_end}, ns of the clock on the wall: **{one['wall']:.1f}** with one, **{two['wall']:.1f}** with two "
               f"(step {one['solve']:.1f} ns of CPU time with one, {two['solve']:.1f} with two). The bits of the results are the same (`fluid_test.cpp`)."]
+    lines += ["", "## Part by part", "", "Every part called alone, again and again on one state of the dam break: the least ns of CPU time per node and call (`fluid_parts`).", ""]
+    lines += table_of_parts(args.parts)
     lines += ["", "Peers, on machines of the same kind (figures of their own runs): PFEM3D 1400 / 1470 / 2360 ns per node and step at 1.1k / 5.4k / 21k nodes, 7 to 17 us per node and remesh, "
               "2.4 kB per node; SPHinXsys 560 to 900 ns per particle and acoustic step.", "", "Made by `scripts/benchmark fluid`.", ""]
     out = ROOT / "docs" / "benchmarks" / "fluid_speed.md"

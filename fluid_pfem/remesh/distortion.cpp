@@ -18,7 +18,7 @@ template <int dim>
   constexpr int L = Lanes::size;
   for (index_t first = begin; first < end; first += L)
   {
-    const auto element = eight_of<dim>(mesh.elements, nullptr, first, end);
+    const EightElements<dim> element(mesh.elements, nullptr, first, end);
     std::array<Vec<dim, Lanes>, dim + 1> corner;
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(x.data(), element, c, corner[c]);
@@ -43,7 +43,7 @@ template <int dim>
   const auto n = static_cast<index_t>(simplices.size());
   for (index_t first = 0; first < n; first += Lanes::size)
   {
-    const auto element = eight_of<dim>(simplices, nullptr, first, n);
+    const EightElements<dim> element(simplices, nullptr, first, n);
     std::array<Vec<dim, Lanes>, dim + 1> now, then;
     for (std::size_t c = 0; c <= dim; ++c)
     {
@@ -54,7 +54,7 @@ template <int dim>
     period.join(then);
     Lanes most;
     for (std::size_t l = 0; l < Lanes::size; ++l)
-      most.set(static_cast<int>(l), limit * h[static_cast<std::size_t>((*element[l])[0])]);
+      most.set(static_cast<int>(l), limit * h[static_cast<std::size_t>(element[l][0])]);
     for (std::size_t a = 0; a <= dim; ++a)
       for (std::size_t b = a + 1; b <= dim; ++b)
         if (any(abs(sqrt(norm_squared(now[a] - now[b])) - sqrt(norm_squared(then[a] - then[b]))) > most))

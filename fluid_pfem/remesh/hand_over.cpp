@@ -175,6 +175,7 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::s
         nodes_.v[n] += dv;
         v_half[n] += dv;
       }
+  std::vector<Patch>().swap(patches); // 64 bytes a node, and smoothing wants as much
   smooth_mass_defect(v_half);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);

@@ -93,10 +93,16 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x)
     rebuild();
     ++count_.rebuilds;
   }
-  simplices_.clear();
+}
+
+std::vector<Simplex<2>> MovingDelaunay<2>::simplices() const
+{
+  std::vector<Simplex<2>> simplices;
+  simplices.reserve(triangles_.size());
   for (const Triangle& t : triangles_)
     if (t.v[0] >= frame && t.v[1] >= frame && t.v[2] >= frame)
-      simplices_.push_back({t.v[0] - frame, t.v[1] - frame, t.v[2] - frame});
+      simplices.push_back({t.v[0] - frame, t.v[1] - frame, t.v[2] - frame});
+  return simplices;
 }
 
 void MovingDelaunay<2>::rebuild()

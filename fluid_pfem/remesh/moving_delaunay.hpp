@@ -58,7 +58,7 @@ class MovingDelaunay<2>
 {
 public:
   void update(std::span<const Vec<2>> x);
-  const std::vector<Simplex<2>>& simplices() const { return simplices_; }
+  std::vector<Simplex<2>> simplices() const;
   const DelaunayCount& count() const { return count_; }
   void forget() { triangles_.clear(); }
 
@@ -94,7 +94,6 @@ private:
   std::vector<char> positive_;      ///< of each triangle, during a repair
   std::vector<index_t> at_vertex_;  ///< one triangle of each vertex while points are merged and split
   std::vector<std::array<index_t, 2>> stack_; ///< edges to be looked at
-  std::vector<Simplex<2>> simplices_;
   DelaunayCount count_;
 };
 

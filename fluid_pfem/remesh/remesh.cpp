@@ -120,6 +120,7 @@ void Fluid<dim>::remesh()
   for (auto& x : nodes_.x)
     x = nodes_.period.wrapped(x);
   pass_openings();
+  x_remesh_ = std::vector<Vec<dim>>();
   std::vector<Vec<dim>> v_half = half_step_velocity();
   const double before = energy_with(v_half);
   if (!openings_.empty())
@@ -154,6 +155,8 @@ void Fluid<dim>::remesh()
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
                                               config_.element_size, config_.remesh.shape);
   drop_fragments(choice);
+  pieces = std::vector<std::array<int, 3>>();
+  choice.gained = std::vector<double>();
   // The number that each old node has come to bear; a node that was merged is where the other one is.
   std::vector<index_t> number(old_x.size());
   std::iota(number.begin(), number.end(), 0);
@@ -240,6 +243,7 @@ void Fluid<dim>::triangulate()
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), delaunay, nodes_.x, mesh_.elements,
                                               config_.element_size, config_.remesh.shape);
   gaps_ = std::move(choice.gaps);
+  delaunay = std::vector<Simplex<dim>>(); // {} would keep its memory
   const auto chosen = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
   std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
                       std::back_inserter(gaps_));

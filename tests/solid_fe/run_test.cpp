@@ -147,8 +147,8 @@ TEST_CASE("a coupled solid that nobody pushes moves as it does alone, fine or ma
 
 // Equal steps and matching nodes: the link forces that make both sides' velocities equal are those the
 // undivided body has inside. Only the order of sums differs: round-off grown over 300 steps.
-TEMPLATE_TEST_CASE_SIG("two solids linked with equal steps move as the undivided solid", "[solid][verification]",
-                       ((int dim), dim), 2, 3)
+TEMPLATE_TEST_CASE_SIG("two solids linked with equal steps move as the undivided solid",
+                       "[solid][verification]", ((int dim), dim), 2, 3)
 {
   for (const auto type : element_types<dim>())
   {
