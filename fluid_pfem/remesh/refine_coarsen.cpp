@@ -109,10 +109,11 @@ template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
                                  const SpacingRules& rules, global_index_t& next_id,
+                                 const std::function<bool(const Vec<dim>&, double)>& taken,
                                  std::span<const Simplex<dim>> mine, const Ranks& ranks)
 {
   std::vector<Edge> close, far;
-  for (const auto& e : mine)
+  for (const auto& e : ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : mine)
     for (std::size_t a = 0; a <= dim; ++a)
       for (std::size_t b = a + 1; b <= dim; ++b)
       {
@@ -199,14 +200,17 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
       continue;
     if (!wall_edge && (nodes.flag[k] & on_free_surface) && (nodes.flag[l] & on_free_surface))
       continue;
+    const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
+    const Vec<dim> middle = mean(nodes.x[k], nodes.period.near(nodes.x[k], nodes.x[l]));
+    if (taken && taken(middle, mean(nodes.h[k], nodes.h[l])))
+      continue;
     busy[k] = busy[l] = 1;
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
-    const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
     // Momentum: M v_new = (M_k v_k + M_l v_l)/3 with M = (M_k + M_l)/3.
     const double share = share_of(nodes, l, k);
     const auto mean_by_mass = [share](const Vec<dim>& a, const Vec<dim>& b)
     { return (1.0 - share) * a + share * b; };
-    nodes.x.push_back(mean(nodes.x[k], nodes.period.near(nodes.x[k], nodes.x[l])));
+    nodes.x.push_back(middle);
     nodes.v.push_back(mean_by_mass(nodes.v[k], nodes.v[l]));
     nodes.a.push_back(mean_by_mass(nodes.a[k], nodes.a[l]));
     nodes.m.push_back((nodes.m[k] + nodes.m[l]) / 3.0);
@@ -255,9 +259,13 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
 
 template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&, std::span<const Simplex<2>>, const Ranks&);
+                                             global_index_t&,
+                                             const std::function<bool(const Vec<2>&, double)>&,
+                                             std::span<const Simplex<2>>, const Ranks&);
 template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&, std::span<const Simplex<3>>, const Ranks&);
+                                             global_index_t&,
+                                             const std::function<bool(const Vec<3>&, double)>&,
+                                             std::span<const Simplex<3>>, const Ranks&);
 
 } // namespace undine::fluid

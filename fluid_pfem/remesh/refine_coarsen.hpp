@@ -6,6 +6,7 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 
 #include <array>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -34,13 +35,16 @@ struct SpacingReport
 /// are never merged into others; wet nodes (`n_wet` first) are left alone; an edge with both ends on the free
 /// surface is not split. Each node takes part in one change at most.
 /// Collective: every rank knows all nodes and makes all changes.
-/// @param mine elements whose edges this rank measures; those of all ranks are all elements of the mesh
 /// @param wall_pieces for each node the wall pieces it lies on; extended for new nodes
 /// @param next_id next free node identifier
+/// @param taken places where no node of the given spacing may be put: an edge with its middle there is not
+/// split
+/// @param mine of several ranks: elements whose edges this one measures; those of all are the mesh's
 template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
                                  const SpacingRules& rules, global_index_t& next_id,
-                                 std::span<const Simplex<dim>> mine, const Ranks& ranks = {});
+                                 const std::function<bool(const Vec<dim>&, double)>& taken = {},
+                                 std::span<const Simplex<dim>> mine = {}, const Ranks& ranks = {});
 
 } // namespace undine::fluid
