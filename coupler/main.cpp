@@ -82,15 +82,11 @@ ExitCode start(Launch& launch)
     config.restart = launch.restart->folder;
     config.t_start = launch.restart->manifest.t;
     log->info("continues from {}, t = {:.9g} s", config.restart, config.t_start);
-    if (const std::string warning = launch.restart_warning(); !warning.empty())
-      log->warn(warning);
   }
   coupler::CouplerOutput output(launch.output, config, launch.probes);
-  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
-  const Persistence persistence{.role = launch.role,
-                                .from = launch.restart ? &*launch.restart : nullptr,
-                                .checkpoints = &checkpoints,
-                                .output = [&](StateArchive& archive) { archive("output", output); }};
+  Checkpoints checkpoints = launch.checkpoints(*log);
+  const Persistence persistence =
+      launch.persistence(checkpoints, [&](StateArchive& archive) { archive("output", output); });
   try
   {
     const auto windows = coupler::run(

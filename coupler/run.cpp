@@ -78,11 +78,7 @@ public:
   /// wanted.
   void at_start(double t)
   {
-    if (persistence_.checkpoints == nullptr)
-      return;
-    if (persistence_.restarts())
-      persistence_.checkpoints->continue_from(t);
-    else if (persistence_.checkpoints->wanted())
+    if (persistence_.checkpoints != nullptr && !persistence_.restarts() && persistence_.checkpoints->wanted())
       write(t, 0);
   }
 

@@ -48,16 +48,9 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   const auto begin = std::chrono::steady_clock::now();
   const double mass = fluid.mass();
   const auto observe = [&](double t, fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
-  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
-  const Persistence persistence{.role = launch.role,
-                                .from = launch.restart ? &*launch.restart : nullptr,
-                                .checkpoints = &checkpoints,
-                                .output = [&](StateArchive& archive) { archive("output", output); },
-                                .ranks = ranks};
-  if (launch.restart)
-    checkpoints.continue_from(launch.restart->manifest.t);
-  if (const std::string warning = launch.restart_warning(); !warning.empty())
-    log->warn(warning);
+  Checkpoints checkpoints = launch.checkpoints(*log);
+  const Persistence persistence = launch.persistence(
+      checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);
   std::string stopped;
   double wait = 0.0;
   const auto last_state = [&](const NumericalError& failure)

@@ -90,6 +90,15 @@ std::array<int, 3> SolidSurface<dim>::sides_at(const Vec<dim>& x, double toleran
 }
 
 template <int dim>
+double SolidSurface<dim>::depth(const Vec<dim>& x, double reach) const
+{
+  if (empty() || outside_box(x, 0.0))
+    return 0.0;
+  const auto near = surface_.nearest(x, reach);
+  return near.facet < 0 || near.beside ? 0.0 : std::max(0.0, -near.gap);
+}
+
+template <int dim>
 Vec<dim> SolidSurface<dim>::outside(const Vec<dim>& x, double allowed, double depth) const
 {
   if (empty() || outside_box(x, 0.0))
@@ -166,20 +175,14 @@ bool SolidSurface<dim>::blocks(std::span<const Vec<dim>> corner, double h) const
   if (apart && outside_box(centroid, 2.0 * h))
     return false;
   constexpr double deep = 0.4, covered = 0.2; // of the spacing: a simplex may cut a corner of the solid
-  const auto depth = [&](const Vec<dim>& x)
-  {
-    if (outside_box(x, 0.0))
-      return 0.0;
-    const auto near = surface_.nearest(x, 4.0 * h);
-    return near.facet < 0 || near.beside ? 0.0 : -near.gap;
-  };
-  if (depth(centroid) > covered * h)
+  const double reach = 4.0 * h;
+  if (depth(centroid, reach) > covered * h)
     return true;
   for (std::size_t a = 0; a < corner.size(); ++a)
     for (std::size_t b = a + 1; b < corner.size(); ++b)
     {
       for (int k = 1; k <= 3; ++k)
-        if (depth((1.0 - 0.25 * k) * corner[a] + 0.25 * k * corner[b]) > deep * h)
+        if (depth((1.0 - 0.25 * k) * corner[a] + 0.25 * k * corner[b], reach) > deep * h)
           return true;
       if (crossed_by(corner[a], corner[b], 0.02 * h))
         return true;

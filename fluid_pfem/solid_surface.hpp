@@ -39,6 +39,8 @@ public:
   /// Numbers of the smooth sides on which x lies within `tolerance` [m], at most three, −1 where fewer. They
   /// do not collide with those of rigid walls.
   std::array<int, 3> sides_at(const Vec<dim>& x, double tolerance) const;
+  /// How deep x lies inside [m]; 0 outside, and where the surface is further than `reach`.
+  double depth(const Vec<dim>& x, double reach) const;
   /// x, or the nearest point of the surface if x is inside by more than `allowed` and at most `depth` [m].
   Vec<dim> outside(const Vec<dim>& x, double allowed, double depth) const;
   /// The simplex with these corners lies in the solid, or passes through it.

@@ -28,8 +28,9 @@ INSTALLED = not (ROOT / "CMakeLists.txt").exists()
 def places(build):
     """Folders of the programs, and of the protocol library for solvers in Python."""
     prefix = ROOT.parent.parent
-    if not INSTALLED:
-        return ROOT / "build" / build / "bin", ROOT / "build" / build / "lib"
+    if not INSTALLED:  # a folder, or the name of a preset
+        folder = Path(build).resolve() if (Path(build) / "bin").is_dir() else ROOT / "build" / build
+        return folder / "bin", folder / "lib"
     return prefix / "libexec" / "undine", next(iter(prefix.glob("lib*/**/undine_link.py")), prefix / "lib").parent
 
 
@@ -97,6 +98,9 @@ def mpirun_line(args, case, settings, programs, ranks, out):
     executable = {"coupler": "coupler", "fluid": "fluid_pfem"}
     commands = {p: [str(binaries / executable.get(p, "solid_fe"))] for p in programs}
     foreign = [p for p in parts if parts[p].get("program")]
+    for p in programs:
+        if p not in foreign and not Path(commands[p][0]).is_file():
+            stop(2, f"there is no {commands[p][0]}: scripts/run builds it" + (f", or name another build folder than --build {args.build}" if args.build != "release" else ""))
     for p in foreign:
         commands[p] = foreign_command(parts[p]["program"], case, binaries)
     for p in programs if isinstance(settings.get("solid"), list) else ():

@@ -95,15 +95,9 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   std::optional<link::SolverLink> coupler;
   if (coupled)
     coupler.emplace(world.channel("coupler"));
-  Checkpoints checkpoints(launch.checkpoint, launch.output.dir, launch.case_hash());
-  const Persistence persistence{.role = launch.role,
-                                .from = launch.restart ? &*launch.restart : nullptr,
-                                .checkpoints = &checkpoints,
-                                .output = [&](StateArchive& archive) { archive("output", output); }};
-  if (launch.restart)
-    checkpoints.continue_from(launch.restart->manifest.t);
-  if (const std::string warning = launch.restart_warning(); !warning.empty())
-    log->warn(warning);
+  Checkpoints checkpoints = launch.checkpoints(*log);
+  const Persistence persistence =
+      launch.persistence(checkpoints, [&](StateArchive& archive) { archive("output", output); });
   try
   {
     const Reporter reporter(log, launch.run.t_end);

@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <exception>
 #include <optional>
+#include <utility>
 
 namespace undine
 {
@@ -71,13 +72,26 @@ Ranks Launch::ranks(const link::World& world) const
 
 std::string Launch::case_hash() const { return fmt::format("{:016x}", file.hash()); }
 
-std::string Launch::restart_warning() const
+Checkpoints Launch::checkpoints(spdlog::logger& log) const
 {
-  if (!restart || restart->manifest.case_hash == case_hash())
-    return "";
-  return "the case, or what --set and --until change in it, is not that of the checkpoint: the run goes on, "
-         "but it is no "
-         "longer the same run";
+  Checkpoints result(checkpoint, output.dir, case_hash());
+  if (!restart)
+    return result;
+  result.continue_from(restart->manifest.t);
+  if (restart->manifest.case_hash != case_hash())
+    log.warn(
+        "the case, or what --set and --until change in it, is not that of the checkpoint: the run goes on, "
+        "but it is no longer the same run");
+  return result;
+}
+
+Persistence Launch::persistence(Checkpoints& checkpoints, StateVisitor output, const Ranks& ranks) const
+{
+  return {.role = role,
+          .from = restart ? &*restart : nullptr,
+          .checkpoints = &checkpoints,
+          .output = std::move(output),
+          .ranks = ranks};
 }
 
 int run_program(const std::string& program, int argc, char** argv,

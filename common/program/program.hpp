@@ -8,6 +8,7 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/error.hpp"
 #include "common/io/checkpoint.hpp"
+#include "common/io/log.hpp"
 #include "common/parallel/ranks.hpp"
 
 #include <functional>
@@ -34,8 +35,11 @@ struct Launch
 
   /// Text that identifies the case in manifests.
   std::string case_hash() const;
-  /// For the log: what is unusual about the restart, or empty.
-  std::string restart_warning() const;
+  /// When this run writes checkpoints; a restart goes on from its own, and warns in the log if that is of
+  /// another case.
+  Checkpoints checkpoints(spdlog::logger& log) const;
+  /// How the program's time loop continues and writes. `output` visits what its outputs have written so far.
+  Persistence persistence(Checkpoints& checkpoints, StateVisitor output, const Ranks& ranks = {}) const;
 
   /// Meet the other programs. `partners`: roles that must be there.
   /// @param several_ranks this program may have more than one

@@ -108,7 +108,8 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
 template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
-                                 const SpacingRules& rules, global_index_t& next_id)
+                                 const SpacingRules& rules, global_index_t& next_id,
+                                 const std::function<bool(const Vec<dim>&, double)>& taken)
 {
   std::vector<Edge> close, far;
   for (const auto& e : mesh.elements)
@@ -193,14 +194,17 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
       continue;
     if (!wall_edge && (nodes.flag[k] & on_free_surface) && (nodes.flag[l] & on_free_surface))
       continue;
+    const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
+    const Vec<dim> middle = mean(nodes.x[k], nodes.period.near(nodes.x[k], nodes.x[l]));
+    if (taken && taken(middle, mean(nodes.h[k], nodes.h[l])))
+      continue;
     busy[k] = busy[l] = 1;
     const double M = (nodes.M[k] + nodes.M[l]) / 3.0;
-    const auto mean = [](const auto& a, const auto& b) { return 0.5 * a + 0.5 * b; };
     // Momentum: M v_new = (M_k v_k + M_l v_l)/3 with M = (M_k + M_l)/3.
     const double share = share_of(nodes, l, k);
     const auto mean_by_mass = [share](const Vec<dim>& a, const Vec<dim>& b)
     { return (1.0 - share) * a + share * b; };
-    nodes.x.push_back(mean(nodes.x[k], nodes.period.near(nodes.x[k], nodes.x[l])));
+    nodes.x.push_back(middle);
     nodes.v.push_back(mean_by_mass(nodes.v[k], nodes.v[l]));
     nodes.a.push_back(mean_by_mass(nodes.a[k], nodes.a[l]));
     nodes.m.push_back((nodes.m[k] + nodes.m[l]) / 3.0);
@@ -249,9 +253,11 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
 
 template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&);
+                                             global_index_t&,
+                                             const std::function<bool(const Vec<2>&, double)>&);
 template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
-                                             global_index_t&);
+                                             global_index_t&,
+                                             const std::function<bool(const Vec<3>&, double)>&);
 
 } // namespace undine::fluid

@@ -5,6 +5,7 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 
 #include <array>
+#include <functional>
 #include <vector>
 
 namespace undine::fluid
@@ -33,9 +34,12 @@ struct SpacingReport
 /// surface is not split. Each node takes part in one change at most.
 /// @param wall_pieces for each node the wall pieces it lies on; extended for new nodes
 /// @param next_id next free node identifier
+/// @param taken places where no node of the given spacing may be put: an edge with its middle there is not
+/// split
 template <int dim>
 SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& mesh,
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
-                                 const SpacingRules& rules, global_index_t& next_id);
+                                 const SpacingRules& rules, global_index_t& next_id,
+                                 const std::function<bool(const Vec<dim>&, double)>& taken = {});
 
 } // namespace undine::fluid

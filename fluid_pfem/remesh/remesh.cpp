@@ -135,9 +135,13 @@ void Fluid<dim>::remesh()
     const bool wall = pieces[n][0] >= 0 || (nodes_.surface[n] & wall_mask_);
     nodes_.flag[n] = static_cast<std::uint8_t>((nodes_.flag[n] & ~on_wall) | (wall ? on_wall : 0));
   }
+  // A node in the middle of an edge along a curved side, or past a corner, lies inside the solid: so deep it
+  // is put on its surface, deeper it is not made.
+  constexpr double brought_out = 0.3; // of the spacing
   const SpacingReport spacing = refine_and_coarsen<dim>(
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
-      config_.remesh.spacing, next_id_);
+      config_.remesh.spacing, next_id_,
+      [&](const Vec<dim>& x, double h) { return solid_.depth(x, h) > brought_out * h; });
   for (const auto& [kept, gone] : spacing.merges)
     delaunay_.merge(kept, gone);
   for (const auto& [i, j, added] : spacing.splits)
@@ -145,9 +149,9 @@ void Fluid<dim>::remesh()
   if (!spacing.new_number.empty())
     delaunay_.renumber(spacing.new_number);
   contact_.settle(nodes_.x);
-  if (!solid_.empty()) // a new node in the middle of a curved side lies inside it
+  if (!solid_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], 0.3 * nodes_.h[n]);
+      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], brought_out * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(), old_x, mesh_.elements,
                                               config_.element_size, config_.remesh.shape);
   drop_fragments(choice);

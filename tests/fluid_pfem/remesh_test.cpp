@@ -4,6 +4,7 @@
 #include "fluid_pfem/remesh/beside_solid.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
+#include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 
@@ -316,4 +317,36 @@ TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's ne
   CHECK(ends({{0.06, 0.0}}, {{0.0, 0.06}})[0] == Vec<2>{{0.06, 0.0}});        // both too far
   speed = 1.1;                                                                // too fast for the turn
   CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.03}});
+}
+
+TEST_CASE("A long edge past a corner of the solid gets no node where it would lie deep inside")
+{
+  link::SurfaceMesh square; // [0, 1]²
+  square.dim = 2;
+  square.node_id = {0, 1, 2, 3};
+  square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
+  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
+  square.face_offset = {0, 2, 4, 6, 8};
+  SolidSurface<2> solid;
+  solid.show(square, 0.0);
+  CHECK(solid.depth({{0.03, 0.5}}, 0.1) == Approx(0.03));
+  CHECK(solid.depth({{0.3, 0.5}}, 0.1) == 0.0); // deeper than it looks
+  CHECK(solid.depth({{-0.03, 0.5}}, 0.1) == 0.0);
+  // A triangle around the corner at (0, 0), spacing 0.05: its long edge has its middle inside by s/2.
+  const auto split = [&](double s)
+  {
+    FluidNodes<2> nodes;
+    nodes.for_each_field([](const char*, auto& field) { field.resize(3); });
+    nodes.x = {{{s, 0.0}}, {{0.0, s}}, {{0.0, 0.0}}};
+    nodes.h.assign(3, 0.05);
+    nodes.M = nodes.m = {1.0, 1.0, 1.0};
+    nodes.id = {0, 1, 2};
+    std::vector<std::array<int, 3>> walls(3, {-1, -1, -1});
+    global_index_t next_id = 3;
+    return refine_and_coarsen<2>(nodes, connect<2>(3, {{0, 1, 2}}), walls, 0, SpacingRules{}, next_id,
+                                 [&](const Vec<2>& x, double h) { return solid.depth(x, h) > 0.3 * h; })
+        .split;
+  };
+  CHECK(split(0.07) == 0);  // middle 0.7 of the spacing inside
+  CHECK(split(-0.07) == 1); // outside
 }

@@ -15,10 +15,13 @@ getfem  the elastic column with GetFEM and with solid_fe: with the same windows 
 dolfinx the same with FEniCSx, also on two ranks.
 gate    the elastic gate with GetFEM and with solid_fe, contact that opens and closes, 500 equal steps: equal up to round-off
         that contact and remeshing amplify (1e-6).
-gate_peak  the same until after the peak, each with its own step, so that meshes and contact differ from some point on: apart by
-        less than 1 %, and a third of it at the peak. Seen: 1.8 % (not met), 0.03 %.
+gate_peak  the same until after the peak, 0.2 s, 20000 equal steps. Water that contact and remeshes sort anew forgets: two runs of solid_fe
+        alone, with E (1 ± 1e-12), show how fast. As long as these twins are apart by less than 1e-3 of the peak, so are GetFEM and
+        solid_fe; afterwards they are apart by no more than twice the twins (largest difference up to then; four draws of the same
+        scatter). Seen: 1.1e-4 until 0.068 s, 0.8 % at the end, the twins 3.3 %.
 """
 import argparse
+import functools
 import json
 import subprocess
 import sys
@@ -163,12 +166,36 @@ def gate(build, folder):
         expect(distance(a, b, "u_x[m]"), 1e-6, "gate in contact: GetFEM = solid_fe with the same steps")
 
 
+@functools.cache
+def equal_gates(build, folder):
+    """Gate until after its peak, all with the same steps: GetFEM, solid_fe, and twins of solid_fe whose E differs by 1e-12 of it."""
+    equal = ["--set", "coupling.dt_max=1e-5"]
+    theirs, ours = tips(build, folder, *equal)
+    twins = []
+    for k, factor in enumerate((1 + 1e-12, 1 - 1e-12)):
+        done = start(build, "swap_getfem_gate", folder / f"twin_{k}", *equal, *OURS, "--set", f"solid.youngs_modulus={1.2e7 * factor!r}")
+        if done.returncode != 0:
+            sys.exit(f"error: the twin of swap_getfem_gate ended with {done.returncode}\n{done.stdout}")
+        twins.append(read_csv(folder / f"twin_{k}" / "history" / "tip.csv"))
+    return theirs, ours, twins
+
+
+def apart(a, b, what="u_x[m]"):
+    """Difference of two histories over the largest value of the second, at its times, and the largest until then."""
+    difference = np.abs(np.interp(b["t[s]"], a["t[s]"], a[what]) - b[what]) / np.max(np.abs(b[what]))
+    return difference, np.maximum.accumulate(difference)
+
+
 def gate_peak(build, folder):
     if is_here("getfem"):
-        a, b = tips(build, folder)
-        expect(distance(a, b, "u_x[m]"), 0.01, "gate in contact: GetFEM = solid_fe, each with its own step, until after the peak")
-        peaks = [float(np.max(history["u_x[m]"])) for history in (a, b)]
-        expect(abs(peaks[0] / peaks[1] - 1.0), 0.0034, f"their peaks, {peaks[0]:.5f} and {peaks[1]:.5f} m")
+        theirs, ours, twins = equal_gates(build, folder)
+        _, of_getfem = apart(theirs, ours)
+        spread = np.max([*(apart(twin, ours)[1] for twin in twins), apart(*twins)[1]], axis=0)
+        knows = int(np.argmax(spread > 1e-3)) or len(spread) - 1  # rows that the twins agree on
+        expect(of_getfem[knows - 1], 1e-3, f"gate in contact: GetFEM = solid_fe until the problem forgets, t = {ours['t[s]'][knows]:.3f} s (twins apart by 1e-3)")
+        expect(of_getfem[-1] / spread[-1], 2.0, f"... and apart by no more than twice the twins afterwards, {of_getfem[-1]:.2e} and {spread[-1]:.2e} of the peak")
+        peaks = [float(np.max(history["u_x[m]"])) for history in (theirs, ours, *twins)]
+        print(f"     peaks: GetFEM {peaks[0]:.5f}, solid_fe {peaks[1]:.5f}, twins {peaks[2]:.5f}, {peaks[3]:.5f} m", flush=True)
 
 
 def user(build, folder):
@@ -186,19 +213,25 @@ def picture(build, folder, path):
     import matplotlib.pyplot as plt
     ours, _ = run(build, "swap_getfem_column", folder / "ours", *OURS)
     column = {"GetFEM": run(build, "swap_getfem_column", folder / "getfem")[0], "FEniCSx": run(build, "swap_dolfinx_column", folder / "dolfinx")[0]}
-    theirs, tip = tips(build, folder / "gate", "--until", "0.13")  # past the peak
+    theirs, tip, twins = equal_gates(build, folder / "gate")
     figure, axes = plt.subplots(2, 2, figsize=(10, 5), dpi=90, sharex="col", height_ratios=(2, 1), constrained_layout=True)
     for axis, title, what, base, others in ((axes[:, 0], "elastic column: displacement of the interface", "u_y[m]", ours, column),
                                             (axes[:, 1], "elastic gate in contact: displacement of its free end", "u_x[m]", tip, {"GetFEM": theirs})):
         axis[0].plot(base["t[s]"], 1e3 * base[what], color="0.7", linewidth=4, label="solid_fe")
         for style, (name, curve) in zip(("-", "--"), others.items()):
             axis[0].plot(curve["t[s]"], 1e3 * curve[what], style, linewidth=1.2, label=name)
-            axis[1].plot(curve["t[s]"], 1e6 * (curve[what] - np.interp(curve["t[s]"], base["t[s]"], base[what])), style, linewidth=1.0, label=name)
         axis[0].set(title=title, ylabel="mm")
-        axis[1].set(xlabel="t [s]", ylabel="less solid_fe [µm]")
-        axis[0].legend(frameon=False)
-        for a in axis:
-            a.grid(alpha=0.3)
+    for style, (name, curve) in zip(("-", "--"), column.items()):
+        axes[1, 0].plot(curve["t[s]"], 1e6 * (curve["u_y[m]"] - np.interp(curve["t[s]"], ours["t[s]"], ours["u_y[m]"])), style, linewidth=1.0, label=name)
+    axes[1, 0].set(xlabel="t [s]", ylabel="less solid_fe [µm]")
+    for k, twin in enumerate(twins):
+        axes[1, 1].semilogy(tip["t[s]"], np.maximum(apart(twin, tip)[0], 1e-16), color="0.7", linewidth=1.2, label=None if k else "solid_fe, E(1 ± 10⁻¹²)")
+    axes[1, 1].semilogy(tip["t[s]"], np.maximum(apart(theirs, tip)[0], 1e-16), color="C0", linewidth=1.0, label="GetFEM")
+    axes[1, 1].set(xlabel="t [s]", ylabel="apart, of the peak", ylim=(1e-16, 1))
+    for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
+        axis.legend(frameon=False, fontsize=8)
+    for axis in axes.flat:
+        axis.grid(alpha=0.3)
     figure.savefig(path)
 
 

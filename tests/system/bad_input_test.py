@@ -166,5 +166,24 @@ class CommandLine(programs.SystemTest):
         self.assertIn("the case is missing: fluid_pfem case.toml", result.stderr)
 
 
+class BuildFolder(programs.SystemTest):
+    """scripts/run_case.py --build: a folder from where one stands, absolute, or the name of a preset."""
+
+    def check(self, build):
+        line = [sys.executable, "-B", str(programs.ROOT / "scripts" / "run_case.py"), "bar_wave", "--check", "--out", str(self.out), "--build", str(build)]
+        return subprocess.run(line, cwd=programs.BUILD.parent, capture_output=True, text=True, timeout=LIMIT)
+
+    def test_a_folder_from_here_and_from_the_root(self):
+        for build in (programs.BUILD.name, f"./{programs.BUILD.name}", f"../build/{programs.BUILD.name}", programs.BUILD):
+            done = self.check(build)
+            self.assertEqual((done.returncode, done.stderr), (0, ""), build)
+            self.assertIn(f"would run: {programs.BUILD}/bin/solid_fe", done.stdout)
+
+    def test_a_folder_without_programs(self):
+        done = self.check("nowhere")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertEqual(done.stderr, f"error: there is no {programs.ROOT}/build/nowhere/bin/solid_fe: scripts/run builds it, or name another build folder than --build nowhere\n")
+
+
 if __name__ == "__main__":
     programs.main(__doc__)
