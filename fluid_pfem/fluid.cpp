@@ -446,6 +446,35 @@ double Fluid<dim>::critical_time_step()
 }
 
 template <int dim>
+std::string Fluid<dim>::worst_element()
+{
+  collect();
+  if (mesh_.n_elements() == 0)
+    return fmt::format("there is no element, {} nodes fly", nodes_.size());
+  const auto quality_of = [&](const Simplex<dim>& e)
+  { return quality<dim>(corners<dim>(nodes_.x, e, nodes_.period)); };
+  const auto worst =
+      std::min_element(mesh_.elements.begin(), mesh_.elements.end(),
+                       [&](const auto& a, const auto& b) { return quality_of(a) < quality_of(b); });
+  const auto corner = corners<dim>(nodes_.x, *worst, nodes_.period);
+  Vec<dim> centre{}, v{};
+  double p = 0.0;
+  std::vector<global_index_t> ids;
+  for (std::size_t a = 0; a < corner.size(); ++a)
+  {
+    const auto n = static_cast<std::size_t>((*worst)[a]);
+    centre += (1.0 / (dim + 1)) * corner[a];
+    v += (1.0 / (dim + 1)) * nodes_.v[n];
+    p += nodes_.p[n] / (dim + 1);
+    ids.push_back(nodes_.id[n]);
+  }
+  return fmt::format("the worst of {} elements is {} (nodes {}) at {} m: quality {:.3g}, volume {:.3g} m^{}, "
+                     "velocity {} m/s, pressure {:.4g} Pa",
+                     mesh_.n_elements(), worst - mesh_.elements.begin(), fmt::join(ids, " "), text(centre),
+                     quality_of(*worst), signed_volume<dim, double>(corner), dim, text(v), p);
+}
+
+template <int dim>
 bool Fluid<dim>::is_distorted()
 {
   // Nodes that nobody watches could reach the solid.

@@ -113,6 +113,9 @@ public:
   /// An element is worse than the configured shape, the cap of steps is reached, or nodes may have come near
   /// the solid. Collective.
   bool is_distorted();
+  /// The element of the worst shape, for a message: number, nodes, place, quality, height, pressure,
+  /// velocity. Collective.
+  std::string worst_element();
   /// New connectivity at a synchronised time: p, ρ and v of every node stay, m ← ρV, accelerations are
   /// recomputed (without link). Collective.
   void remesh();

@@ -429,6 +429,11 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
                between(0.0, 1.0));
   config.step_safety = t.number({"step_safety", "", "fraction of the rigorous bound on the time step"}, 0.9,
                                 between(0.01, 2.0));
+  config.collapse =
+      t.number({"collapse", "",
+                "fluid alone: the run ends with code 10 when its step has been below this fraction of its "
+                "largest one for 100 steps; 0: never"},
+               1e-3, between(0.0, 1.0));
   config.threads = static_cast<int>(
       t.integer({"threads", "",
                  "threads of each rank of the fluid, each on a core of its own; results do not depend on it"},

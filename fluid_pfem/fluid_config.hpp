@@ -116,9 +116,11 @@ struct FluidConfig : Body
   std::vector<OutletConfig> outlets;
   std::vector<std::pair<std::string, std::string>> interfaces; ///< (interface, surface)
   RemeshConfig remesh;
-  double inertia_floor = 0.0;  ///< least mass in Newton's law, fraction of a regular node's
-  double step_safety = 0.9;    ///< of the rigorous step bound
-  int threads = 1;             ///< that compute the fluid; results do not depend on it
+  double inertia_floor = 0.0; ///< least mass in Newton's law, fraction of a regular node's
+  double step_safety = 0.9;   ///< of the rigorous step bound
+  int threads = 1;            ///< that compute the fluid; results do not depend on it
+  double collapse =
+      1e-3; ///< alone: a stable step below this fraction of the largest one ends the run; 0: never
   std::int64_t look_every = 0; ///< alone: steps between looks at mesh and stable step; 0: 4 and 8
 };
 

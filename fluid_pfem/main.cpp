@@ -41,7 +41,10 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
             launch.file.path(), fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(),
             fluid.critical_time_step(), ranks.size(), ranks.alone() ? "" : "s");
 
-  fluid::FluidOutput<dim> output(launch.output, launch.probes, fluid);
+  OutputConfig asked = launch.output;
+  if (!coupled && !asked.history_asked) // a row every step would cost half of the run
+    asked.history_interval = (launch.run.t_end - launch.run.t_begin) / 1000.0;
+  fluid::FluidOutput<dim> output(asked, launch.probes, fluid);
   const auto begin = std::chrono::steady_clock::now();
   const double mass = fluid.mass();
   const auto observe = [&](double t, fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };

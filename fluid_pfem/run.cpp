@@ -1,9 +1,12 @@
 // The fluid's time loops, to be read beside section 4 of Meduri et al. (2017).
 #include "fluid_pfem/run.hpp"
 
+#include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
 #include "common/time/step_ladder.hpp"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -35,6 +38,28 @@ link::Report report_of(Fluid<dim>& fluid, double initial_potential)
   report.steps = fluid.steps();
   return report;
 }
+
+/// A step that has collapsed does not recover: the run ends with the reason instead of crawling on.
+struct StepWatch
+{
+  double largest = 0.0;  ///< stable step so far [s]
+  std::int64_t slow = 0; ///< steps in a row that were far below it
+
+  template <int dim>
+  void look(double dt, Fluid<dim>& fluid)
+  {
+    constexpr std::int64_t patience = 100; // steps
+    const double collapse = fluid.config().collapse;
+    largest = std::max(largest, dt);
+    slow = dt < collapse * largest ? slow + 1 : 0;
+    if (slow >= patience)
+      throw NumericalError(fmt::format(
+          "fluid step {}, t = {:.9g} s: the stable step has collapsed to {:.3g} s, {:.2g} of what "
+          "it was, for {} steps in a row (fluid.collapse = {:.2g}); {}. A finer mesh there, or "
+          "other limits of fluid.merge and fluid.split, may help",
+          fluid.steps(), fluid.time(), dt, dt / largest, patience, collapse, fluid.worst_element()));
+  }
+};
 
 } // namespace
 
@@ -137,6 +162,7 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
   const std::int64_t look = fluid.config().look_every;
   const std::int64_t look_at_mesh_every = look > 0 ? look : 4, look_at_step_every = look > 0 ? look : 8;
   const StepLadder ladder;
+  StepWatch watch;
   double t = run.t_begin, dt = 0.0;
   std::int64_t frames = 1, step = 0;
   const StateVisitor state = [&](StateArchive& archive)
@@ -146,6 +172,8 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
     archive("dt", dt);
     archive("frames", frames);
     archive("step", step);
+    archive("largest_step", watch.largest);
+    archive("slow_steps", watch.slow);
   };
   if (persistence.restarts())
     persistence.restore(state);
@@ -169,6 +197,7 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
     frames += frame;
     ++step;
     observe(t, fluid, frame);
+    watch.look(dt, fluid);
     if (std::string reason = persistence.after_step(t, step, state); !reason.empty() && t < run.t_end)
       return reason;
   }

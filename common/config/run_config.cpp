@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 namespace undine
 {
@@ -39,9 +40,13 @@ OutputConfig read_output_config(const CaseFile& file, const std::string& out_dir
   config.dir = out_dir;
   config.frame_interval = output.number(
       {"every", "s", "time between field frames; 0 writes the first and the last only"}, 0.0, non_negative());
-  config.history_interval =
-      output.number({"history_every", "s", "time between rows of histories; 0 writes every window or step"},
-                    0.0, non_negative());
+  const std::optional<double> history =
+      output.optional_number({"history_every", "s",
+                              "time between rows of histories; 0 writes every window or step. Default: a "
+                              "thousandth of the run for a fluid alone, else 0"},
+                             non_negative());
+  config.history_interval = history.value_or(0.0);
+  config.history_asked = history.has_value();
   config.frames = output.boolean({"frames", "", "write field frames"}, true);
   return config;
 }

@@ -35,6 +35,7 @@ struct OutputConfig
   std::string part = "solid";      ///< of the solid's files: its name
   double frame_interval = 0.0;     ///< time between field frames [s]; 0: the first and the last only
   double history_interval = 0.0;   ///< time between rows of a history [s]; 0: every window or step
+  bool history_asked = false;      ///< the case says so
   bool frames = true;              ///< write field frames at all
   double progress_interval = 30.0; ///< wall time between progress lines [s], from the command line
 };

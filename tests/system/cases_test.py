@@ -43,6 +43,20 @@ class Cases(programs.SystemTest):
         self.expect_kept(summary)
         self.assertEqual({c["name"]: c["pass"] for c in summary["comparisons"]}, {"peak deflection": True, "time of the peak": True})
 
+    def test_a_fluid_alone_writes_a_thousand_rows_unless_asked(self):
+        """2800 steps; a case that says nothing gets a row per thousandth of the run and per frame, of one that says 0 every step is a row."""
+        text = (programs.ROOT / "cases" / "dam_break" / "case.toml").read_text()
+        case = self.folder / "case.toml"
+        case.write_text("".join(line for line in text.splitlines(keepends=True) if not line.startswith("history_every")))
+        rows = []
+        for options in ([], ["--set", "output.history_every=0"]):
+            line = [programs.program("fluid"), str(case), "--out", str(self.out), "--set", "output.frames=false", *options]
+            ended = programs.run(line, 60)
+            self.assertEqual(ended.code, 0, ended.text)
+            rows.append(len(compare.read_csv(self.out / "history" / "mass.csv")["t[s]"]))
+        self.assertTrue(900 < rows[0] <= 1030, rows)
+        self.assertGreater(rows[1], 2000)
+
     def test_two_gates_move_as_one_and_its_mirror_image(self):
         """Two solid programs. At 10 nodes the peak of the single gate is 21 % off its limit; gates on meshes that are no mirror images differ by less than half of that."""
         summary = self.run_case("two_gates", "--set", "run.resolution=10", "--until", "0.08")

@@ -98,6 +98,13 @@ class Failures(FailureTest):
             self.assertIn(f"t = {last.attrs['time']:.9g} s", ended.text.split("fluid.h5")[-1])
             self.assertGreater(float(last.attrs["time"]), 0.0)
 
+    def test_a_step_that_collapses_ends_the_run_and_leaves_the_last_state(self):
+        """The splash of a dam break takes steps well below three quarters of the longest one: with that as the limit the run ends."""
+        case = programs.ROOT / "cases" / "dam_break" / "case.toml"
+        line = [programs.program("fluid"), str(case), "--out", str(self.out), "--set", "run.resolution=10", "--set", "fluid.collapse=0.75", "--set", "run.t_end=2.0"]
+        ended = programs.run(line, MARGIN)
+        self.expect(ended, MARGIN, (10,), ["the stable step has collapsed to", "fluid.collapse = 0.75", "the worst of", "at (", "the last state is the last frame of fluid.h5"], program="fluid")
+
     def test_a_full_disk_under_the_fluid(self):
         fluid = [*SMALL_DISK, "200000", programs.program("fluid"), str(programs.COLUMN), "--out", str(self.out), *LONG]
         ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *LONG, fluid=fluid), 20 + MARGIN)
