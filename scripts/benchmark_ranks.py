@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The fluid on one and on two ranks, act by act, and a model of more ranks made of it.
 
     scripts/benchmark ranks [--nodes 1e5] [--steps 84] [--pairs 3] [--large 1e6]
