@@ -630,7 +630,10 @@ TEST_CASE("a silent partner is named after the stall limit, with its last messag
   link.accept_mesh();
   const ProtocolError error = error_of([&] { link.receive_report(); });
   CHECK(error.code() == 36);
-  CHECK(mentions(error, {"'solid' has sent nothing for 0.1 s", "Last: MESH #1", "expected READY"}));
+  const std::string said = "'solid' has sent nothing for ";
+  CHECK(mentions(error, {said.c_str(), "Last: MESH #1", "expected READY"}));
+  const std::string what = error.what();
+  CHECK(std::stod(what.substr(what.find(said) + said.size())) >= 0.1); // more on a busy machine
 }
 
 TEST_CASE("a partner that pings may take longer than the stall limit", "[link][unit]")
