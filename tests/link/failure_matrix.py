@@ -254,7 +254,7 @@ def run(case, actor, verbose):
                 complaints.append(f"the output does not say /{pattern}/")
         errors = len(re.findall(r"^error: ", text, re.MULTILINE))
         if case.failed and not 1 <= errors <= case.witnesses:
-            complaints.append(f"{errors} programs printed an error, expected {case.witnesses}")
+            complaints.append(f"{errors} programs printed an error, expected {'1' if case.witnesses == 1 else f'1 to {case.witnesses}'}")
         failed = read_failed(out)
         for key, value in case.failed.items():
             if failed.get(key) != value:
