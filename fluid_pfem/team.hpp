@@ -110,10 +110,11 @@ public:
       };
       for (index_t group = 0; group < s.element_begin; group += Lanes::size)
       {
+        const index_t end = std::min(group + Lanes::size, s.element_begin); // all, where a rank has none
         bool near = false;
-        for (index_t e = group; e < group + Lanes::size && !near; ++e)
+        for (index_t e = group; e < end && !near; ++e)
           near = touches(e);
-        for (index_t e = group; e < group + Lanes::size && near; ++e)
+        for (index_t e = group; e < end && near; ++e)
           s.before.push_back(e);
       }
       for (index_t block = s.element_begin; block < s.element_end && parts > 1; block += element_block)
