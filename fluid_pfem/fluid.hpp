@@ -10,6 +10,7 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/remesh/local_delaunay.hpp"
+#include "fluid_pfem/remesh/rigid_motion.hpp"
 #include "fluid_pfem/seeding.hpp"
 #include "fluid_pfem/solid_surface.hpp"
 #include "fluid_pfem/walls.hpp"
@@ -68,6 +69,22 @@ struct Received
   double mass = 0.0;   ///< [kg]
   Vec<dim> momentum{}; ///< [kg m/s]
   double energy = 0.0; ///< kinetic [J]
+};
+
+/// Particles before a remesh.
+template <int dim>
+struct Particles
+{
+  std::vector<double> M;   ///< [kg]
+  std::vector<Vec<dim>> x; ///< [m]
+  std::vector<Vec<dim>> v; ///< of the half step [m/s]
+};
+
+/// Groups of nodes.
+struct Patches
+{
+  std::vector<index_t> of;    ///< for each node its patch, −1: none
+  std::vector<index_t> first; ///< for each patch its first node
 };
 
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
@@ -166,6 +183,8 @@ public:
 private:
   /// Nodes this near to a solid are watched for contact with it, in units of the spacing.
   static constexpr double contact_reach = 2.0;
+  /// So near to a wall a node is on it, in units of the spacing.
+  static constexpr double on_wall_within = 0.02;
 
   bool mesh_is_bad();
   bool any_rank(bool yes);
@@ -197,8 +216,14 @@ private:
   std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
                                              std::span<const index_t> number) const;
-  void hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+  void hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
+                      std::span<const index_t> number, std::span<const double> V_before,
                       std::vector<Vec<dim>>& v_half);
+  Vec<dim> from_first(const Patches& patches, index_t patch, const Vec<dim>& x) const;
+  std::vector<MassesInMotion<dim>> motion_of(const Patches& patches, std::span<const Vec<dim>> v_half) const;
+  void keep_momenta(const Patches& patches, std::span<const MassesInMotion<dim>> had,
+                    std::span<Vec<dim>> v_half);
+  Vec<dim> as_it_may(Vec<dim> dv, std::size_t n) const;
   std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void drop_fragments(ShapeChoice<dim>& choice) const;
   void pass_openings();

@@ -31,6 +31,47 @@ Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& re
   return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
 }
 
+/// Patches of elements: nodes that share an element belong together.
+template <int dim>
+Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& elements)
+{
+  std::vector<index_t> leader(n_nodes, -1);
+  const auto leader_of = [&](index_t n)
+  {
+    for (index_t up; (up = leader[static_cast<std::size_t>(n)]) != n; n = up)
+      leader[static_cast<std::size_t>(n)] = leader[static_cast<std::size_t>(up)];
+    return n;
+  };
+  for (const auto& e : elements)
+  {
+    index_t first = -1;
+    for (const index_t n : e)
+      if (n >= 0)
+      {
+        if (leader[static_cast<std::size_t>(n)] < 0)
+          leader[static_cast<std::size_t>(n)] = n;
+        const index_t root = leader_of(n);
+        if (first >= 0) // the smaller number leads, so that the order does not matter
+          leader[static_cast<std::size_t>(std::max(first, root))] = std::min(first, root);
+        first = first < 0 ? root : std::min(first, root);
+      }
+  }
+  Patches patches{.of = std::vector<index_t>(n_nodes, -1), .first = {}};
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (leader[n] >= 0)
+    {
+      const auto root = static_cast<std::size_t>(leader_of(static_cast<index_t>(n)));
+      if (root == n)
+      {
+        patches.of[n] = static_cast<index_t>(patches.first.size());
+        patches.first.push_back(static_cast<index_t>(n));
+      }
+      else
+        patches.of[n] = patches.of[root];
+    }
+  return patches;
+}
+
 } // namespace
 
 /// Elements that the old or the new mesh has alone, or that have been deformed by the remesh.
@@ -75,98 +116,167 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
 /// New connectivity hands volume from node to node; particle mass goes with it, so that a remesh of quiet
 /// fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers lose goes to
 /// its gainers. Only volume that the patch as a whole gained or lost is a defect: that was created or dropped
-/// by decision. A node that flies or flew keeps its mass. Nodes keep their velocities, which conserves
-/// momentum of a linear field, unless the kinetic energy of the patch would grow: then gainers take over as
-/// much of the losers' velocity as keeps it.
+/// by decision. A node that flies or flew keeps its mass. Patches keep their momenta.
 /// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
-/// @param V_before of each node before the remesh [m^dim]
-/// @param v_half velocity of the half step, whose energy it is [m/s]
+/// @param before the remesh, in the old numbers
+/// @param number present number of each old node, −1: deleted
+/// @param V_before of each present node before new connectivity [m^dim]
+/// @param v_half velocity of the half step, whose momenta and energy count [m/s]
 template <int dim>
-void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, std::span<const double> V_before,
+void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
+                                std::span<const index_t> number, std::span<const double> V_before,
                                 std::vector<Vec<dim>>& v_half)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
-  std::vector<index_t> leader(n_nodes, -1); // of the patch; −1: nothing has changed at the node
-  const auto leader_of = [&](index_t n)
+  const Patches patches = patches_of<dim>(n_nodes, changed);
+  struct Volumes
   {
-    for (index_t up; (up = leader[static_cast<std::size_t>(n)]) != n; n = up)
-      leader[static_cast<std::size_t>(n)] = leader[static_cast<std::size_t>(up)];
-    return n;
+    double gain = 0.0, loss = 0.0; ///< [m^dim]
+    double mass = 0.0;             ///< that changes hands [kg]
   };
-  for (const auto& e : changed)
-  {
-    index_t first = -1;
-    for (const index_t n : e)
-      if (n >= 0)
-      {
-        if (leader[static_cast<std::size_t>(n)] < 0)
-          leader[static_cast<std::size_t>(n)] = n;
-        const index_t root = leader_of(n);
-        if (first >= 0) // the smaller number leads, so that the order does not matter
-          leader[static_cast<std::size_t>(std::max(first, root))] = std::min(first, root);
-        first = first < 0 ? root : std::min(first, root);
-      }
-  }
-
-  struct Patch
-  {
-    double gain = 0.0, loss = 0.0, mass = 0.0; ///< volumes; mass that changes hands
-    Vec<dim> momentum{};                       ///< of that mass
-    double energy = 0.0;                       ///< kinetic, that the patch gains if velocities stay …
-    double linear = 0.0, square = 0.0; ///< … plus θ linear + θ² square if gainers take a part θ of the way
-  };
-  std::vector<Patch> patches(n_nodes); // at its leader
-  const auto patch_of = [&](std::size_t n) -> Patch&
-  { return patches[static_cast<std::size_t>(leader_of(static_cast<index_t>(n)))]; };
+  std::vector<Volumes> volumes(patches.first.size());
+  const auto volumes_at = [&](std::size_t n) -> Volumes&
+  { return volumes[static_cast<std::size_t>(patches.of[n])]; };
   const auto gain_of = [&](std::size_t n)
   {
     const bool flies = V_before[n] == 0.0 || (nodes_.flag[n] & isolated_node);
-    return leader[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
+    return patches.of[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
   };
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (const double gain = gain_of(n); gain != 0.0)
-      (gain > 0.0 ? patch_of(n).gain : patch_of(n).loss) += std::abs(gain);
+      (gain > 0.0 ? volumes_at(n).gain : volumes_at(n).loss) += std::abs(gain);
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (const double gain = gain_of(n); gain < 0.0)
     {
-      Patch& p = patch_of(n);
+      Volumes& p = volumes_at(n);
       const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
       nodes_.M[n] -= given;
       p.mass += given;
-      p.momentum += given * v_half[n];
-      p.energy -= 0.5 * given * norm_squared(v_half[n]);
     }
-  // Change of velocity of a gainer that takes all the way: its new mass has the mean velocity of both.
-  const auto full_change = [&](std::size_t n, const Patch& p, double taken)
-  {
-    const bool free =
-        static_cast<index_t>(n) >= n_wet_ && nodes_.M[n] > taken; // the coupler knows v of wet nodes
-    return free ? (taken / nodes_.M[n]) * ((1.0 / p.mass) * p.momentum - v_half[n]) : Vec<dim>{};
-  };
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (const double gain = gain_of(n); gain > 0.0)
-      if (Patch& p = patch_of(n); p.mass > 0.0)
-      {
-        const double taken = p.mass * gain / p.gain;
-        nodes_.M[n] += taken;
-        const Vec<dim> dv = full_change(n, p, taken);
-        p.energy += 0.5 * taken * norm_squared(v_half[n]);
-        p.linear += nodes_.M[n] * dot(v_half[n], dv);
-        p.square += 0.5 * nodes_.M[n] * norm_squared(dv);
-      }
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (const double gain = gain_of(n); gain > 0.0)
-      if (const Patch& p = patch_of(n); p.mass > 0.0 && p.energy > 0.0 && p.square > 0.0)
-      {
-        const double theta = part_of_the_way(p.energy, p.linear, p.square);
-        const Vec<dim> dv = theta * full_change(n, p, p.mass * gain / p.gain);
-        nodes_.v[n] += dv;
-        v_half[n] += dv;
-      }
-  std::vector<Patch>().swap(patches); // 64 bytes a node, and smoothing wants as much
+      nodes_.M[n] += volumes_at(n).mass * gain / volumes_at(n).gain;
+
+  std::vector<MassesInMotion<dim>> had(patches.first.size());
+  for (std::size_t n = 0; n < number.size(); ++n)
+    if (number[n] >= 0)
+      if (const index_t patch = patches.of[static_cast<std::size_t>(number[n])]; patch >= 0)
+        had[static_cast<std::size_t>(patch)].add(before.M[n], from_first(patches, patch, before.x[n]),
+                                                 before.v[n]);
+  keep_momenta(patches, had, v_half);
   smooth_mass_defect(v_half);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+}
+
+/// A place relative to the first node of a patch: sums lose no digits, and in a periodic space the near image
+/// counts.
+template <int dim>
+Vec<dim> Fluid<dim>::from_first(const Patches& patches, index_t patch, const Vec<dim>& x) const
+{
+  const Vec<dim>& first = nodes_.x[static_cast<std::size_t>(patches.first[static_cast<std::size_t>(patch)])];
+  return nodes_.period.near(first, x) - first;
+}
+
+/// Of each patch, about its first node.
+template <int dim>
+std::vector<MassesInMotion<dim>> Fluid<dim>::motion_of(const Patches& patches,
+                                                       std::span<const Vec<dim>> v_half) const
+{
+  std::vector<MassesInMotion<dim>> motion(patches.first.size());
+  for (std::size_t n = 0; n < v_half.size(); ++n)
+    if (const index_t patch = patches.of[n]; patch >= 0)
+      motion[static_cast<std::size_t>(patch)].add(nodes_.M[n], from_first(patches, patch, nodes_.x[n]),
+                                                  v_half[n]);
+  return motion;
+}
+
+/// Give each patch the momentum and the angular momentum that it had: what moving mass from place to place,
+/// merging and splitting have changed of them is put back as a rigid motion, of all motions that carry it the
+/// one of least energy. Moving mass is an inelastic exchange: if the patch came to more kinetic energy than
+/// it had, velocities relative to the rigid motion shrink until it has not; and if the rigid motion alone had
+/// more, for nodes have come nearer each other, its spin is what the energy allows. Nodes on walls change
+/// along them, and those that have their velocity from the coupler, an opening or gravity alone keep it: what
+/// is missing is for those to bear. In a periodic space there is no angular momentum to keep.
+/// @param had of each patch before, about its first node
+template <int dim>
+void Fluid<dim>::keep_momenta(const Patches& patches, std::span<const MassesInMotion<dim>> had,
+                              std::span<Vec<dim>> v_half)
+{
+  struct Change
+  {
+    RigidMotion<dim> from, to;
+    double gross = 0.0;                              ///< masses without their signs [kg]
+    double rigid = 0.0, mixed = 0.0, relative = 0.0; ///< kinetic energy: rigid + s mixed + s² relative [J]
+    double s = 1.0; ///< velocities relative to the rigid motion shrink to that part
+  };
+  std::vector<Change> changes(had.size());
+  const auto for_each_node = [&](auto&& visit)
+  {
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      if (const index_t patch = patches.of[n]; patch >= 0)
+        visit(n, changes[static_cast<std::size_t>(patch)], from_first(patches, patch, nodes_.x[n]));
+  };
+  for_each_node([&](std::size_t n, Change& c, const Vec<dim>&) { c.gross += std::abs(nodes_.M[n]); });
+  const std::vector<MassesInMotion<dim>> has = motion_of(patches, v_half);
+  // Torn spray, some of whose nodes gave more than they had, has no such energy.
+  const auto is_sound = [&](std::size_t k) { return has[k].mass > 0.5 * changes[k].gross; };
+  for (std::size_t k = 0; k < had.size(); ++k)
+    if (Change& c = changes[k]; is_sound(k))
+    {
+      c.from = has[k].rigid();
+      c.to = has[k].rigid(had[k].momentum, had[k].angular);
+      if (nodes_.period.any())
+        c.to.spin = c.from.spin;
+      const double translation = 0.5 * dot(had[k].momentum, c.to.velocity),
+                   rotation = c.to.kinetic(had[k].momentum, had[k].angular) - translation,
+                   allowed = std::max(0.0, had[k].kinetic - translation);
+      if (rotation > allowed)
+        c.to.spin = std::sqrt(allowed / rotation) * c.to.spin;
+    }
+  // The velocity of a node becomes fixed + s shrinking.
+  const auto parts = [&](std::size_t n, const Change& c, const Vec<dim>& x) -> std::array<Vec<dim>, 2>
+  {
+    const Vec<dim>& v = v_half[n];
+    return {v + as_it_may(c.to(x) - v, n), as_it_may(v - c.from(x), n)};
+  };
+  for_each_node(
+      [&](std::size_t n, Change& c, const Vec<dim>& x)
+      {
+        const auto [fixed, shrinking] = parts(n, c, x);
+        c.rigid += 0.5 * nodes_.M[n] * norm_squared(fixed);
+        c.mixed += nodes_.M[n] * dot(fixed, shrinking);
+        c.relative += 0.5 * nodes_.M[n] * norm_squared(shrinking);
+      });
+  for (std::size_t k = 0; k < had.size(); ++k)
+    if (Change& c = changes[k];
+        is_sound(k) && c.relative > 0.0 && c.rigid + c.mixed + c.relative > had[k].kinetic)
+    {
+      const double square = c.mixed * c.mixed - 4.0 * c.relative * (c.rigid - had[k].kinetic);
+      c.s = std::clamp((std::sqrt(std::max(0.0, square)) - c.mixed) / (2.0 * c.relative), 0.0, 1.0);
+    }
+  for_each_node(
+      [&](std::size_t n, Change& c, const Vec<dim>& x)
+      {
+        const auto [fixed, shrinking] = parts(n, c, x);
+        const Vec<dim> dv = fixed + c.s * shrinking - v_half[n];
+        nodes_.v[n] += dv;
+        v_half[n] += dv;
+      });
+}
+
+/// Of a change of velocity what the walls at node n, the coupler, or an opening leave to a remesh.
+template <int dim>
+Vec<dim> Fluid<dim>::as_it_may(Vec<dim> dv, std::size_t n) const
+{
+  if (static_cast<index_t>(n) < n_wet_ || (nodes_.flag[n] & isolated_node) ||
+      (nodes_.surface[n] & openings_.driven_mask()))
+    return {};
+  if (!(nodes_.flag[n] & on_wall))
+    return dv;
+  constrain(dv, static_cast<index_t>(n));
+  const double near = on_wall_within * nodes_.h[n];
+  return dv - contact_.into_walls(nodes_.x[n], near, dv) + contact_.into_walls(nodes_.x[n], near, -1.0 * dv);
 }
 
 /// Add what has been passed to the particle masses. Nodes keep their velocities, which conserves momentum of

@@ -12,14 +12,13 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <utility>
 
 namespace undine::fluid
 {
 
 namespace
 {
-
-constexpr double on_wall_within = 0.02; // of the spacing
 
 /// Numbers that look random, each another (finaliser of splitmix64).
 std::uint64_t mixed(std::uint64_t z)
@@ -177,7 +176,8 @@ void Fluid<dim>::remesh()
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
-  const std::vector<Vec<dim>> old_x = nodes_.x;
+  const Particles<dim> old{.M = nodes_.M, .x = nodes_.x, .v = std::move(v_half)};
+  const std::vector<Vec<dim>>& old_x = old.x;
   if (!solid_.empty())
     cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
   auto pieces = wall_pieces();
@@ -236,7 +236,7 @@ void Fluid<dim>::remesh()
   v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements = mesh_.elements;
   finish_mesh(std::move(choice.elements));
-  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), V_before, v_half);
+  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), old, number, V_before, v_half);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
