@@ -32,7 +32,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   }
   const bool coupled = launch.coupling.present;
   const link::World world =
-      launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{}, true);
+      launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
   const Ranks ranks = launch.ranks(world);
   const bool first = ranks.rank() == 0;
   fluid::Fluid<dim> fluid(config, ranks);

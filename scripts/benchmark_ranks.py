@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""The fluid on one and on two ranks, act by act, and a model of more ranks made of it.
+"""The fluid on one and on two ranks, act by act, and a model of more ranks made of it; the solid on one and on two.
 
-    scripts/benchmark ranks [--nodes 1e5] [--steps 84] [--pairs 3] [--large 1e6]
+    scripts/benchmark ranks [--nodes 1e5] [--steps 84] [--pairs 3] [--large 1e6] [--solid]
 
 Writes docs/benchmarks/scaling.md. Runs with one and two ranks alternate; medians. Acts are processor time of the slowest rank
 without its waiting, so that they can be measured on a machine on which others compute; the clock on the wall cannot.
@@ -23,6 +23,11 @@ ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROO
 # The network of the model, per rank, and how often a splashing dam break remeshes (docs/benchmarks/fluid_speed.md).
 LATENCY, BANDWIDTH, STEPS_PER_REMESH = 2e-6, 5e9, 33
 GATHERED = {2: 104, 3: 128}  # bytes of a node that a remesh gathers
+PAGE = ROOT / "docs" / "benchmarks" / "scaling.md"
+SOLID = "# The solid on several ranks"
+# Words of solid_ranks_speed, and what they are.
+SOLIDS = [("square of Q4", "plane neo_hookean_ln 1e5 200"), ("the same, flowing (J2)", "plane j2 1e5 60"), ("cube of Hex8", "space neo_hookean_ln 2e4 60"),
+          ("square of Q4, one wet side", "plane neo_hookean_ln 1e5 200 1"), ("square of Q4, all sides wet", "plane neo_hookean_ln 1e5 200 4")]
 
 
 def measure(ranks, resolution, steps, dim):
@@ -79,6 +84,27 @@ def copies(part, edges, ranks):
     return len(np.unique(both[cut, 0].astype(np.int64) * ranks + part[both[cut, 1]]))
 
 
+def solid_section(count):
+    """Efficiency of two ranks of the solid, from alternating runs."""
+    lines = [SOLID, "", "Each rank computes the elements of its nodes (METIS); displacements of copied nodes travel once a step ([theory](../theory.md)). Milliseconds per step of the slowest rank: processor time without "
+             f"waiting, and the clock on the wall; medians of blocks of 20 steps and of {count} alternating runs; the efficiency is the median of the pairs. Load of the machine: {os.getloadavg()[1]:.1f} on "
+             f"{os.cpu_count()} cores before.", "",
+             "| solid | elements | wet nodes | ranks | step | imbalance | wall | one look at the bound | halo: messages, kB per step | efficiency of the step | on the wall |",
+             "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for name, words in SOLIDS:
+        rows = {1: [], 2: []}
+        for _ in range(count):
+            for ranks in rows:
+                line = [*MPIRUN, "-n", str(ranks), str(ROOT / "build/release/bin/solid_ranks_speed"), *words.split()]
+                rows[ranks].append(json.loads(subprocess.run(line, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout))
+        for ranks, of in rows.items():
+            row = {k: statistics.median(r[k] for r in of) for k in of[0]}
+            gain = [statistics.median(one[k] / ranks / some[k] for one, some in zip(rows[1], of)) for k in ("step_s", "wall_s")]
+            lines.append(f"| {name} | {row['elements']:.0f} | {row['wet']:.0f} | {ranks} | {1e3 * row['step_s']:.3g} | {100 * row['imbalance']:.2g} % | {1e3 * row['wall_s']:.3g} | {1e3 * row['look_s']:.3g} | "
+                         f"{row['messages']:.2g}, {row['bytes'] / 1e3:.3g} | {gain[0]:.2f} | {gain[1]:.2f} |")
+    return lines + ["", "Made by `scripts/benchmark ranks --solid`.", ""]
+
+
 def metis(n, edges, ranks):
     both = np.concatenate([edges, edges[:, ::-1]])
     both = both[np.lexsort((both[:, 1], both[:, 0]))]
@@ -123,7 +149,12 @@ def main():
     p.add_argument("--large", type=float, default=1e6, help="nodes of a second, larger dam break; 0: none")
     p.add_argument("--steps", type=int, default=84)
     p.add_argument("--pairs", type=int, default=3)
+    p.add_argument("--solid", action="store_true", help="measure the solid, and leave what the page says of the fluid")
     args = p.parse_args()
+    fluid, _, solid = PAGE.read_text().partition(SOLID)
+    if args.solid:
+        PAGE.write_text(fluid + "\n".join(solid_section(args.pairs)))
+        return
     out = ["# The fluid on several ranks", "",
            "Each rank steps a range of nodes; ranks exchange ghosts twice a step; in a remesh each triangulates its nodes and a halo and all hold the whole mesh ([theory](../theory.md)). Milliseconds of processor time per step of the slowest "
            f"rank, without waiting, medians of {args.pairs} alternating runs of {args.steps} steps. The mesh is made anew every 20 steps here; \"all\" is with a remesh every {STEPS_PER_REMESH} steps, as in a "
@@ -153,7 +184,7 @@ def main():
             "Copies of nodes that ranks hold, over all nodes: ranges of the order of the nodes (rows across the longest axis of the fluid), then METIS k-way on the same graph. With the last axis slowest, whatever the shape, "
             "the tank had 1.2, 3.8, 8.8, 19, 79 %, and a dam break of 1100 to 1300 nodes on the floor 11 to 18 % on two ranks (METIS 2 to 2.4 %); by the longest axis it has 2.5 to 3.1 %. Up to eight ranks ranges are as good in the plane, and they keep "
             "the order of every sum; METIS would pay from 16 ranks on, in space from four.", "", *cuts(), "", "Made by `scripts/benchmark ranks`.", ""]
-    (ROOT / "docs" / "benchmarks" / "scaling.md").write_text("\n".join(out))
+    PAGE.write_text("\n".join(out) + ("\n" + SOLID + solid if solid else ""))
     print("\n".join(out))
 
 

@@ -6,6 +6,7 @@
 #include "solid_fe/solid_config.hpp"
 #include "solid_fe/solid_nodes.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -45,6 +46,16 @@ public:
   void add_force(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
                  std::span<Vec<dim>> F);
   bool by_impulse() const { return by_impulse_; }
+
+  /// visit(n) of all nodes that contact reads or pushes, some of them more than once.
+  template <class Visit>
+  void for_each_node(Visit&& visit) const
+  {
+    for (const auto& wall : walls_)
+      std::for_each(wall.nodes.begin(), wall.nodes.end(), visit);
+    for (const auto& pair : pairs_)
+      std::for_each(pair.members.begin(), pair.members.end(), visit);
+  }
 
   /// Energy stored in the penalty springs at the last evaluation [J].
   double stored_energy() const { return stored_; }

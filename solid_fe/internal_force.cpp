@@ -15,9 +15,9 @@ index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec
 }
 
 template <int dim>
-StoredEnergy stored_energy(const Body<dim>& body, std::span<const Vec<dim>> u)
+void add_stored_energy(const Body<dim>& body, std::span<const Vec<dim>> u, StoredEnergy& energy)
 {
-  return std::visit([&](const auto& law) { return stored_energy_of(body, law, u); }, body.material);
+  std::visit([&](const auto& law) { add_stored_energy_of(body, law, u, energy); }, body.material);
 }
 
 template <int dim>
@@ -53,7 +53,7 @@ BodyState<dim> virgin_state(const Body<dim>& body, index_t n_nodes)
 #define UNDINE_INSTANTIATE(dim)                                                                              \
   template index_t add_internal_force(const Body<dim>&, Part, std::span<const Vec<dim>>, double,             \
                                       BodyState<dim>&, std::span<Vec<dim>>);                                 \
-  template StoredEnergy stored_energy(const Body<dim>&, std::span<const Vec<dim>>);                          \
+  template void add_stored_energy(const Body<dim>&, std::span<const Vec<dim>>, StoredEnergy&);               \
   template void append_stress(const Body<dim>&, std::span<const Vec<dim>>, std::vector<Mat<3>>&,             \
                               std::vector<double>&);                                                         \
   template BodyState<dim> virgin_state(const Body<dim>&, index_t);

@@ -1,6 +1,7 @@
 // Internal nodal forces F_int,a = Σ_e Σ_q w P(F) ∇N_a of element blocks, and the energy of the same sums.
 #pragma once
 
+#include "common/parallel/exact_sum.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 #include "solid_fe/body.hpp"
@@ -18,12 +19,12 @@ enum class Part
   interior
 };
 
-/// Energies of a body [J], per metre of thickness in 2-D.
+/// Energies of elements [J], per metre of thickness in 2-D.
 struct StoredEnergy
 {
-  double strain = 0.0;    ///< Σ_e Σ_q w W
-  double hourglass = 0.0; ///< of the hourglass stiffness
-  double plastic = 0.0;   ///< plastic work so far
+  ExactSum strain;    ///< Σ_e Σ_q w W
+  ExactSum hourglass; ///< of the hourglass stiffness
+  ExactSum plastic;   ///< plastic work so far
 };
 
 /// Add the internal forces [N] of `part` at displacement `u` to `F_int`, element by element in fixed order;
@@ -34,8 +35,9 @@ template <int dim>
 index_t add_internal_force(const Body<dim>& body, Part part, std::span<const Vec<dim>> u, double dt,
                            BodyState<dim>& state, std::span<Vec<dim>> F_int);
 
+/// Add the energies of the elements that this rank counts.
 template <int dim>
-StoredEnergy stored_energy(const Body<dim>& body, std::span<const Vec<dim>> u);
+void add_stored_energy(const Body<dim>& body, std::span<const Vec<dim>> u, StoredEnergy& energy);
 
 /// Append the mean Cauchy stress of each element [Pa] and its mean equivalent plastic strain (0 for elastic
 /// laws).

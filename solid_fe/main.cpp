@@ -76,8 +76,12 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   }
   const link::World world = launch.meet(partners(launch));
   const bool coupled = world.coupled();
-  const auto log = make_log(launch.output.dir, launch.role, !coupled);
-  log->info("solid_fe {}, {}\n{}", UNDINE_VERSION, coupled ? "coupled" : "alone", description);
+  const Ranks ranks = launch.ranks(world);
+  const bool first = ranks.rank() == 0;
+  solid.distribute(ranks);
+  const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
+  log->info("solid_fe {}, {}, {} rank{}\n{}", UNDINE_VERSION, coupled ? "coupled" : "alone", ranks.size(),
+            ranks.alone() ? "" : "s", description);
   if (launch.coupling.present && !coupled)
     log->warn("the case has a [coupling] table but no coupler was started: the solid runs alone");
 
@@ -88,22 +92,24 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   const auto summarise = [&](const solid::RunResult& result, const char* status, ExitCode code)
   {
     auto summary = solid::summarise(solid, result);
+    if (!first)
+      return;
     summary.set("status", status);
     summary.set("exit_code", static_cast<int>(code));
     summary.write(launch.output.dir + "/" + launch.role + ".json");
   };
   std::optional<link::SolverLink> coupler;
-  if (coupled)
+  if (coupled && first)
     coupler.emplace(world.channel("coupler"));
   Checkpoints checkpoints = launch.checkpoints(*log);
-  const Persistence persistence =
-      launch.persistence(checkpoints, [&](StateArchive& archive) { archive("output", output); });
+  const Persistence persistence = launch.persistence(
+      checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);
   try
   {
     const Reporter reporter(log, launch.run.t_end);
-    const auto result = coupler
-                            ? solid::run_coupled<dim>(solid, *coupler, times, &output, reporter, persistence)
-                            : solid::run_alone<dim>(solid, times, &output, reporter, persistence);
+    const auto result = coupled ? solid::run_coupled<dim>(solid, {coupler ? &*coupler : nullptr, ranks},
+                                                          times, &output, reporter, persistence)
+                                : solid::run_alone<dim>(solid, times, &output, reporter, persistence);
     const bool stopped = !result.stop_reason.empty();
     const ExitCode code = stopped ? ExitCode::stopped : ExitCode::success;
     summarise(result, stopped ? "stopped" : "completed", code);
@@ -119,8 +125,12 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   {
     if (coupler)
       coupler->send_failure(static_cast<int>(error.code()), error.what());
-    output.write_frame(solid); // the state that broke is what one wants to see
-    summarise({.t_end = solid.time(), .steps = solid.steps()}, "failed", error.code());
+    if (ranks.alone()) // the state that broke is what one wants to see; of several ranks the others are gone
+                       // on
+    {
+      output.write_frame(solid);
+      summarise({.t_end = solid.time(), .steps = solid.steps()}, "failed", error.code());
+    }
     throw;
   }
   catch (const Failure& failure)

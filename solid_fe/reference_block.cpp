@@ -114,6 +114,21 @@ void put(const ElementGeometry<Element, double>& g, int k, ElementGeometry<Eleme
     to[i * Lanes::size + static_cast<std::size_t>(k)] = from[i];
 }
 
+/// The geometry of the next element of a block, at its place; the rest of its pack are copies so far.
+template <class Element>
+void append(const ElementGeometry<Element, double>& g, index_t e, ReferenceBlock<Element>& block)
+{
+  const auto [p, lane] = block.place(e);
+  if (lane == 0)
+  {
+    auto& pack = block.pack.emplace_back();
+    for (int k = 0; k < Lanes::size; ++k)
+      put<Element>(g, k, pack);
+  }
+  for (int k = lane; k < Lanes::size; ++k)
+    put<Element>(g, k, block.pack[static_cast<std::size_t>(p)]);
+}
+
 template <class Element>
 ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const ElementBlock& elements,
                                         index_t n_wet, const BlockOptions& options, index_t first_number,
@@ -154,15 +169,7 @@ ReferenceBlock<Element> reference_block(const Mesh<Element::dim>& mesh, const El
     if (!make_geometry<Element>(X, options.hourglass_modulus, geometry))
       fail_inverted(element_name(elements.type), block.number[static_cast<std::size_t>(e)], elements.body,
                     X[0][0], X[0][1]);
-    const auto [p, lane] = block.place(e);
-    if (lane == 0)
-    {
-      auto& pack = block.pack.emplace_back();
-      for (int k = 0; k < Lanes::size; ++k)
-        put<Element>(geometry, k, pack);
-    }
-    for (int k = lane; k < Lanes::size; ++k)
-      put<Element>(geometry, k, block.pack[static_cast<std::size_t>(p)]);
+    append(geometry, e, block);
     const auto volume = nodal_volumes<Element>(X);
     for (std::size_t a = 0; a < nodes.size(); ++a)
       nodal_volume[static_cast<std::size_t>(nodes[a])] += volume[a];
@@ -197,6 +204,31 @@ ElementGeometry<Element, double> ReferenceBlock<Element>::geometry(index_t e) co
   for (std::size_t i = 0; i < sizeof(g) / sizeof(double); ++i)
     to[i] = from[i * Lanes::size + static_cast<std::size_t>(lane)];
   return g;
+}
+
+template <class Element>
+ReferenceBlock<Element> ReferenceBlock<Element>::part(std::span<const index_t> kept) const
+{
+  ReferenceBlock<Element> result;
+  result.body = body;
+  const auto below = [&](index_t end)
+  { return static_cast<index_t>(std::lower_bound(kept.begin(), kept.end(), end) - kept.begin()); };
+  result.n_interface = below(n_interface);
+  result.n_active = below(n_active);
+  const auto take = [&](const auto& from, auto& to)
+  {
+    for (const index_t e : kept)
+      if (!from.empty())
+        to.push_back(from[static_cast<std::size_t>(e)]);
+  };
+  take(nodes, result.nodes);
+  take(number, result.number);
+  take(gamma, result.gamma);
+  take(delta, result.delta);
+  take(hourglass_inverse_mass, result.hourglass_inverse_mass);
+  for (index_t e = 0; e < result.size(); ++e)
+    append(geometry(kept[static_cast<std::size_t>(e)]), e, result);
+  return result;
 }
 
 template <int dim>

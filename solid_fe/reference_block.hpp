@@ -54,12 +54,19 @@ struct ReferenceBlock
   index_t n_interface = 0;                    ///< the first n_interface elements touch wet nodes
   index_t n_active = 0; ///< elements from here on lie in one rigid or prescribed part: no forces, no bound
   std::string body;     ///< physical group, "" if none
+  std::vector<char> is_copy; ///< on several ranks: elements that another rank counts too, size n; else empty
 
   index_t size() const { return static_cast<index_t>(nodes.size()); }
   double volume() const; ///< [m^dim]
 
+  /// Energies, stresses and bounds of the element are this rank's to give.
+  bool counts(index_t e) const { return is_copy.empty() || is_copy[static_cast<std::size_t>(e)] == 0; }
+  /// The block of the elements `kept` of this one, ascending; without is_copy.
+  ReferenceBlock part(std::span<const index_t> kept) const;
+
   index_t n_interface_packs() const { return packs_of(n_interface); }
   index_t n_active_packs() const { return n_interface_packs() + packs_of(n_active - n_interface); }
+  index_t n_packs() const { return n_active_packs() + packs_of(size() - n_active); }
   /// Pack of element `e`, and its lane there.
   std::pair<index_t, int> place(index_t e) const
   {

@@ -201,8 +201,8 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
 }
 
 template <int dim>
-RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
-                      SolidOutput<dim>* output, const Progress& progress, const Persistence& persistence)
+RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times, SolidOutput<dim>* output,
+                      const Progress& progress, const Persistence& persistence)
 {
   RunResult result{.smallest_step = std::numeric_limits<double>::infinity()};
   const auto setup = link.receive_setup();
@@ -326,13 +326,15 @@ Summary summarise(const Solid<dim>& solid, const RunResult& result)
               1e9 * result.compute_seconds /
                   (static_cast<double>(result.steps) * static_cast<double>(solid.nodes().size())));
   summary.set("nodes", static_cast<long long>(solid.nodes().size()));
+  summary.set("ranks", solid.ranks().size());
+  summary.set("rank_wait_s", solid.ranks().cost().wall);
   summary.set("elements", static_cast<long long>(solid.n_elements()));
   summary.set("smallest_step", result.smallest_step);
   summary.set("mass", solid.mass());
   if (!solid.added_mass().empty())
     for (std::size_t k = 0; k < solid.bodies().size(); ++k)
     {
-      const auto name = std::visit([](const auto& block) { return block.body; }, solid.bodies()[k].block);
+      const auto name = std::visit([](const auto& block) { return block.body; }, solid.whole_block(k));
       summary.set("added_mass." + (name.empty() ? "body_" + std::to_string(k) : name), solid.added_mass()[k]);
     }
   summary.set("mass_drift", result.mass_drift);
@@ -356,10 +358,10 @@ template RunResult run_alone(Solid<2>&, const RunTimes&, SolidOutput<2>*, const 
                              const Persistence&);
 template RunResult run_alone(Solid<3>&, const RunTimes&, SolidOutput<3>*, const Progress&,
                              const Persistence&);
-template RunResult run_coupled(Solid<2>&, link::SolverLink&, const RunTimes&, SolidOutput<2>*,
-                               const Progress&, const Persistence&);
-template RunResult run_coupled(Solid<3>&, link::SolverLink&, const RunTimes&, SolidOutput<3>*,
-                               const Progress&, const Persistence&);
+template RunResult run_coupled(Solid<2>&, SharedLink, const RunTimes&, SolidOutput<2>*, const Progress&,
+                               const Persistence&);
+template RunResult run_coupled(Solid<3>&, SharedLink, const RunTimes&, SolidOutput<3>*, const Progress&,
+                               const Persistence&);
 template Summary summarise(const Solid<2>&, const RunResult&);
 template Summary summarise(const Solid<3>&, const RunResult&);
 

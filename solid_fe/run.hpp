@@ -4,6 +4,7 @@
 #include "common/coupling/link.hpp"
 #include "common/io/checkpoint.hpp"
 #include "common/io/summary.hpp"
+#include "common/program/shared_link.hpp"
 #include "solid_fe/solid.hpp"
 #include "solid_fe/solid_output.hpp"
 
@@ -47,7 +48,7 @@ double next_step(double dt, double limit);
 using Progress = std::function<bool(double t, std::int64_t step, double dt)>;
 
 /// Run from the solid's time to t_end with its own steps, which are adjusted to hit every frame time exactly.
-/// `output` may be null. @throws NumericalError for an inverted element
+/// `output` may be null. Collective. @throws NumericalError for an inverted element
 template <int dim>
 RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* output,
                     const Progress& progress = {}, const Persistence& persistence = {});
@@ -55,14 +56,13 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
 /// Serve the coupler until it says goodbye. The set-up is received, the wet surface sent, and then each
 /// window is one pass: report → orders → steps, in each of which the wet nodes go first and travel while the
 /// interior is computed. `output` may be null; frames are written when the coupler asks, histories every
-/// `times.history_interval`.
+/// `times.history_interval`. Collective: rank 0 talks to the coupler.
 /// @throws InputError if the set-up does not fit the solid, NumericalError, link::ProtocolError
 template <int dim>
-RunResult run_coupled(Solid<dim>& solid, link::SolverLink& link, const RunTimes& times,
-                      SolidOutput<dim>* output, const Progress& progress = {},
-                      const Persistence& persistence = {});
+RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times, SolidOutput<dim>* output,
+                      const Progress& progress = {}, const Persistence& persistence = {});
 
-/// The solid's part of summary.json: steps, wall_s, nodes, balances and their definitions.
+/// The solid's part of summary.json: steps, wall_s, nodes, balances and their definitions. Collective.
 template <int dim>
 Summary summarise(const Solid<dim>& solid, const RunResult& result);
 

@@ -85,6 +85,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   for (std::size_t k = 0; k < config.velocity.size(); ++k)
     driving_.emplace_back(config.velocity[k].function, "solid.velocity[" + std::to_string(k) + "].function");
 
+  share_ = NodeShare(n);
   nodes_.X = reference_.mesh.x;
   nodes_.u.resize(n);
   nodes_.v.resize(n);
@@ -130,6 +131,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
 
   F_int_.resize(n);
   F_ext_.resize(n);
+  external_work_.resize(n);
   if (!formula_loads_.empty() || !body_force_.empty())
   {
     F_formula_.resize(n);
@@ -141,6 +143,7 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
     contact_.emplace(config, reference_.mesh, nodes_, omega2);
     F_contact_.resize(n);
     F_contact_old_.resize(n);
+    contact_work_.resize(n);
     if (contact_->by_impulse())
     {
       if (is_beam || !rigid_.empty())
@@ -152,10 +155,12 @@ Solid<dim>::Solid(const SolidConfig& config, const Mesh<dim>& mesh)
   {
     F_viscous_.resize(n);
     F_viscous_old_.resize(n);
+    viscous_work_.resize(n);
   }
   const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
   a_free_wet_.resize(n_wet);
   f_link_.resize(n_wet);
+  interface_work_.resize(n_wet);
   step_of_wet_.resize(is_beam ? n : n_wet);
 
   const auto v0 = to_vec<dim>(config.initial_velocity, "solid.initial_velocity");
@@ -245,10 +250,9 @@ void Solid<dim>::set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
 template <int dim>
 void Solid<dim>::start_balances()
 {
-  load_work_ = driven_work_ = interface_work_ = viscous_work_ = contact_work_ = 0.0;
-  gravity_reference_ = 0.0;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    gravity_reference_ += given_mass_[n] * dot(gravity_, nodes_.u[n]);
+  for (auto* work : {&external_work_, &interface_work_, &viscous_work_, &contact_work_})
+    std::fill(work->begin(), work->end(), 0.0);
+  gravity_reference_ = gravity_work();
   for (auto& driven : driven_)
   {
     driven.reaction = driven_force(driven);
@@ -284,8 +288,7 @@ void Solid<dim>::predict_velocity(double dt)
   ++step_;
 
   const double half = 0.5 * dt;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    nodes_.v[n] += half * nodes_.a[n];
+  share_.for_own([&](std::size_t n) { nodes_.v[n] += half * nodes_.a[n]; });
   if (beam_)
   {
     for (auto& driven : driven_fibres_) // the velocity in the middle of the step moves the fibre
@@ -299,7 +302,8 @@ void Solid<dim>::predict_velocity(double dt)
   for (auto& driven : driven_)
     if (driven.accelerates) // it has had its half step already
       driven.v_step = nodes_.v[driven.node][driven.component];
-    else if (driven.function >= 0) // the velocity in the middle of the step moves the node
+    else if (driven.function >= 0 &&
+             share_.owns(driven.node)) // the velocity in the middle of the step moves it
     {
       driven.v_step = formula_of(driven, load_time + half);
       nodes_.v[driven.node][driven.component] = driven.v_step;
@@ -321,17 +325,24 @@ void Solid<dim>::predict_position(double dt)
         nodes_.v[n] = (1.0 / dt) * (u - nodes_.u[n]); // mean over the step: u gets there below
       }
     }
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    nodes_.u[n] += dt * nodes_.v[n];
-  for (auto& body : rigid_)
-    body.predict(dt, nodes_);
+  share_.for_own([&](std::size_t n) { nodes_.u[n] += dt * nodes_.v[n]; });
+  if (share_.is_first())
+    for (auto& body : rigid_)
+      body.predict(dt, nodes_);
+  if (damping_.in_elements()) // to those who hold copies, while the loads are looked at
+    share_.halo().start(nodes_.u, nodes_.v);
+  else
+    share_.halo().start(nodes_.u);
   for (std::size_t n = 0; n < step_of_wet_.size(); ++n)
     step_of_wet_[n] = dt * nodes_.v[n];
   for (const auto& load : loads_)
   {
     const double mean_factor = 0.5 * (load.factor(load_time) + load.factor(time()));
     for (std::size_t k = 0; k < load.nodes.size(); ++k)
-      load_work_ += mean_factor * dt * dot(load.force[k], nodes_.v[static_cast<std::size_t>(load.nodes[k])]);
+    {
+      const auto n = static_cast<std::size_t>(load.nodes[k]);
+      external_work_[n] += mean_factor * dt * dot(load.force[k], nodes_.v[n]);
+    }
   }
 }
 
@@ -345,14 +356,18 @@ void Solid<dim>::solve_free_motion(double dt)
 template <int dim>
 void Solid<dim>::solve_free_motion_of_interface(double dt)
 {
-  update_external_force(time());
-  std::fill(F_int_.begin(), F_int_.end(), Vec<dim>{});
+  share_.clear(F_int_);
   F_viscous_.swap(F_viscous_old_);
-  std::fill(F_viscous_.begin(), F_viscous_.end(), Vec<dim>{});
+  share_.clear(F_viscous_);
+  if (damping_.in_elements())
+    share_.halo().finish(nodes_.u, nodes_.v);
+  else
+    share_.halo().finish(nodes_.u);
+  update_external_force(time());
   add_internal_force_of(Part::interface, dt);
   add_viscous_force_of(Part::interface);
   F_contact_.swap(F_contact_old_);
-  std::fill(F_contact_.begin(), F_contact_.end(), Vec<dim>{});
+  share_.clear(F_contact_);
   if (at_once())
   {
     add_internal_force_of(Part::interior, dt);
@@ -377,7 +392,8 @@ template <int dim>
 void Solid<dim>::finish_driven(double dt, Part part)
 {
   for (auto& driven : driven_)
-    if (driven.function >= 0 && (driven.node < f_link_.size()) == (part == Part::interface))
+    if (driven.function >= 0 && (driven.node < f_link_.size()) == (part == Part::interface) &&
+        share_.owns(driven.node))
     {
       double &v = nodes_.v[driven.node][driven.component], value = formula_of(driven, time());
       if (driven.accelerates)
@@ -387,7 +403,7 @@ void Solid<dim>::finish_driven(double dt, Part part)
       }
       else
         v = value;
-      driven_work_ += 0.5 * nodes_.m[driven.node] * (v * v - driven.v_end * driven.v_end);
+      external_work_[driven.node] += 0.5 * nodes_.m[driven.node] * (v * v - driven.v_end * driven.v_end);
       driven.v_end = v;
     }
   if (part == Part::interior)
@@ -395,7 +411,8 @@ void Solid<dim>::finish_driven(double dt, Part part)
   for (auto& driven : driven_fibres_)
   {
     const double v = beam_->v()[driven.fibre][driven.component];
-    driven_work_ += 0.5 * beam_->mass(driven.fibre) * (v * v - driven.v_end * driven.v_end);
+    external_work_[node_of(driven)] +=
+        0.5 * beam_->mass(driven.fibre) * (v * v - driven.v_end * driven.v_end);
     driven.v_end = v;
   }
 }
@@ -416,14 +433,16 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
 
   for (auto& driven : driven_)
   {
+    if (!share_.owns(driven.node))
+      continue;
     const double reaction = driven_force(driven);
-    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
+    external_work_[driven.node] += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
     driven.reaction = reaction;
   }
   for (auto& driven : driven_fibres_)
   {
     const double reaction = -beam_->force(driven.fibre)[driven.component];
-    driven_work_ += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
+    external_work_[node_of(driven)] += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
     driven.reaction = reaction;
   }
 }
@@ -433,10 +452,17 @@ double Solid<dim>::critical_time_step() const
 {
   const std::span<const Vec<dim>> u(nodes_.u);
   const double contact = contact_ ? contact_->frequency_squared() : 0.0;
-  double dt = std::numeric_limits<double>::infinity(), measured = dt;
+  std::vector<double> bounds; // of M⁻¹K and of M⁻¹C, body by body
   for (const auto& body : bodies_)
   {
-    const double bound = highest_frequency_squared(body, u), damping = damping_bound(body, damping_, u);
+    bounds.push_back(highest_frequency_squared(body, u));
+    bounds.push_back(damping_bound(body, damping_, u));
+  }
+  ranks().max(bounds);
+  double dt = std::numeric_limits<double>::infinity(), measured = dt;
+  for (std::size_t k = 0; k < bodies_.size(); ++k)
+  {
+    const double bound = bounds[2 * k], damping = bounds[2 * k + 1];
     dt = std::min(dt, stable_step(bound + contact, damping));
     measured = std::min(measured, stable_step(frequency_ratio_ * bound + contact, damping));
   }
@@ -466,6 +492,7 @@ void Solid<dim>::measure_frequency()
   const bool large_change = !(std::abs(bound - measured_bound_) <= 0.05 * measured_bound_);
   if (measured_bound_ > 0.0 && !large_change && step_ - measured_step_ < 2000)
     return;
+  share_.collect(nodes_.u); // all ranks make the same vectors
   frequency_ratio_ = std::min(1.0, true_frequency_squared(*this) / bound);
   measured_bound_ = bound;
   measured_step_ = step_;
@@ -477,7 +504,7 @@ double Solid<dim>::bound_of_frequency_squared() const
   double omega2 = 0.0;
   for (const auto& body : bodies_)
     omega2 = std::max(omega2, highest_frequency_squared(body, std::span<const Vec<dim>>(nodes_.u)));
-  return omega2;
+  return ranks().max(omega2);
 }
 
 template <int dim>
@@ -503,6 +530,7 @@ std::vector<Vec<dim>> Solid<dim>::internal_force_at(std::span<const Vec<dim>> u)
     for (const auto part : {Part::interface, Part::interior})
       add_internal_force(body, part, u, 0.0, state, std::span<Vec<dim>>(F));
   }
+  share_.collect(F);
   return F;
 }
 
@@ -528,23 +556,22 @@ void Solid<dim>::add_viscous_force_of(Part part)
       add_viscous_force(body, damping_, part, std::span<const Vec<dim>>(nodes_.u),
                         std::span<const Vec<dim>>(nodes_.v), std::span<Vec<dim>>(F_viscous_));
   const auto n_wet = static_cast<std::size_t>(reference_.n_wet);
-  const auto begin = part == Part::interface ? 0 : n_wet;
-  const auto end = part == Part::interface ? n_wet : nodes_.X.size();
-  for (auto n = begin; n < end; ++n)
-    F_viscous_[n] += (damping_.mass * nodes_.m[n]) * nodes_.v[n];
+  share_.for_own(part == Part::interface ? 0 : n_wet, part == Part::interface ? n_wet : nodes_.X.size(),
+                 [&](std::size_t n) { F_viscous_[n] += (damping_.mass * nodes_.m[n]) * nodes_.v[n]; });
 }
 
 template <int dim>
 void Solid<dim>::add_contact_force(double dt)
 {
-  if (!contact_)
+  if (!contact_ || !share_.is_first())
     return;
-  for (std::size_t n = 0; n < F_free_.size(); ++n)
-  {
-    F_free_[n] = F_ext_[n] - F_int_[n];
-    if (!F_viscous_.empty())
-      F_free_[n] -= F_viscous_[n];
-  }
+  share_.for_own(0, F_free_.size(),
+                 [&](std::size_t n)
+                 {
+                   F_free_[n] = F_ext_[n] - F_int_[n];
+                   if (!F_viscous_.empty())
+                     F_free_[n] -= F_viscous_[n];
+                 });
   contact_->add_force(nodes_, dt, F_free_, std::span<Vec<dim>>(F_contact_));
 }
 
@@ -552,16 +579,19 @@ void Solid<dim>::add_contact_force(double dt)
 template <int dim>
 void Solid<dim>::count_works(double dt)
 {
-  const auto work = [&](const std::vector<Vec<dim>>& F, const std::vector<Vec<dim>>& F_old)
+  const auto add = [&](std::vector<double>& work, double sign, const std::vector<Vec<dim>>& F,
+                       const std::vector<Vec<dim>>& F_old)
   {
-    double sum = 0.0;
-    for (std::size_t n = 0; n < F.size(); ++n)
-      sum += 0.5 * dot(F[n] + F_old[n], n < step_of_wet_.size() ? step_of_wet_[n] : dt * nodes_.v[n]);
-    return sum;
+    share_.for_own(0, F.size(),
+                   [&](std::size_t n)
+                   {
+                     const auto way = n < step_of_wet_.size() ? step_of_wet_[n] : dt * nodes_.v[n];
+                     work[n] += sign * 0.5 * dot(F[n] + F_old[n], way);
+                   });
   };
-  viscous_work_ += work(F_viscous_, F_viscous_old_);
-  contact_work_ -= work(F_contact_, F_contact_old_);
-  load_work_ += work(F_formula_, F_formula_old_);
+  add(viscous_work_, 1.0, F_viscous_, F_viscous_old_);
+  add(contact_work_, -1.0, F_contact_, F_contact_old_);
+  add(external_work_, 1.0, F_formula_, F_formula_old_);
 }
 
 template <int dim>
@@ -569,8 +599,7 @@ void Solid<dim>::update_external_force(double t)
 {
   if (loads_are_full_ && F_formula_.empty())
     return;
-  for (std::size_t n = 0; n < F_ext_.size(); ++n)
-    F_ext_[n] = given_mass_[n] * gravity_;
+  share_.for_own([&](std::size_t n) { F_ext_[n] = given_mass_[n] * gravity_; });
   loads_are_full_ = true;
   for (const auto& load : loads_)
   {
@@ -582,19 +611,20 @@ void Solid<dim>::update_external_force(double t)
   if (F_formula_.empty())
     return;
   F_formula_.swap(F_formula_old_);
-  std::fill(F_formula_.begin(), F_formula_.end(), Vec<dim>{});
+  share_.clear(F_formula_);
   if (!body_force_.empty())
-    for (std::size_t n = 0; n < F_formula_.size(); ++n)
-      F_formula_[n] += given_mass_[n] * body_force_.vector(nodes_.X[n], t);
+    share_.for_own([&](std::size_t n)
+                   { F_formula_[n] += given_mass_[n] * body_force_.vector(nodes_.X[n], t); });
   for (const auto& load : formula_loads_)
     load.add(t, nodes_.X, nodes_.u, F_formula_);
-  for (std::size_t n = 0; n < F_ext_.size(); ++n)
-    F_ext_[n] += F_formula_[n];
+  share_.for_own([&](std::size_t n) { F_ext_[n] += F_formula_[n]; });
 }
 
 template <int dim>
 void Solid<dim>::solve_rigid_bodies(double dt)
 {
+  if (!share_.is_first())
+    return;
   for (auto& body : rigid_)
     body.solve(
         dt,
@@ -618,13 +648,17 @@ template <int dim>
 void Solid<dim>::move_free(double dt, index_t begin, index_t end)
 {
   const double half = 0.5 * dt;
-  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
-    for (int i = 0; i < dim; ++i)
-    {
-      const double a = nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i] - opposing(n, i));
-      nodes_.a[n][i] = a;
-      nodes_.v[n][i] += half * a;
-    }
+  share_.for_own(static_cast<std::size_t>(begin), static_cast<std::size_t>(end),
+                 [&](std::size_t n)
+                 {
+                   for (int i = 0; i < dim; ++i)
+                   {
+                     const double a =
+                         nodes_.inverse_mass[n][i] * (F_ext_[n][i] - F_int_[n][i] - opposing(n, i));
+                     nodes_.a[n][i] = a;
+                     nodes_.v[n][i] += half * a;
+                   }
+                 });
 }
 
 template <int dim>
@@ -637,9 +671,19 @@ double Solid<dim>::driven_force(const DrivenComponent& driven) const
 template <int dim>
 void Solid<dim>::for_each_state(StateArchive& archive)
 {
+  if (!archive.reading())
+    collect();
   nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
   for (std::size_t k = 0; k < bodies_.size(); ++k)
-    archive("body_" + std::to_string(k), bodies_[k].state);
+    if (whole_.empty())
+      archive("body_" + std::to_string(k), bodies_[k].state);
+    else // the file does not know of ranks
+    {
+      auto all = archive.reading() ? BodyState<dim>{} : state_of_all(k);
+      archive("body_" + std::to_string(k), all);
+      if (archive.reading())
+        take_state(k, all);
+    }
   archive("F_int", F_int_);
   archive("F_ext", F_ext_);
   archive("driven", driven_);
@@ -660,8 +704,7 @@ void Solid<dim>::for_each_state(StateArchive& archive)
   archive("steps_of_dt", steps_of_dt_);
   archive("step", step_);
   archive("gravity_reference", gravity_reference_);
-  archive("load_work", load_work_);
-  archive("driven_work", driven_work_);
+  archive("external_work", external_work_);
   archive("interface_work", interface_work_);
   archive("viscous_work", viscous_work_);
   archive("contact_work", contact_work_);

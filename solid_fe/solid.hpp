@@ -9,16 +9,23 @@
 #include "solid_fe/contact.hpp"
 #include "solid_fe/damping.hpp"
 #include "solid_fe/internal_force.hpp"
+#include "solid_fe/node_share.hpp"
 #include "solid_fe/rigid_body.hpp"
 #include "solid_fe/solid_config.hpp"
 #include "solid_fe/solid_nodes.hpp"
 #include "solid_fe/wet_surface.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <span>
 #include <vector>
+
+namespace undine
+{
+struct Graph;
+}
 
 namespace undine::solid
 {
@@ -61,6 +68,35 @@ public:
   /// @throws InputError for names, values or elements that make no sense
   Solid(const SolidConfig& config, const Mesh<dim>& mesh);
 
+  /// Share the work: from here on this rank computes the nodes that it owns, and holds only the elements that
+  /// they need. Wet nodes, rigid bodies and what may touch are all rank 0's, which alone talks to the
+  /// coupler. All ranks must have made the same solid. Results have the bits of one rank. Collective, as are
+  /// from here on all steps and everything that says so.
+  /// @throws InputError for what works on one rank only
+  void distribute(const Ranks& ranks);
+  const Ranks& ranks() const { return share_.ranks(); }
+  /// The nodes of this rank; rows of others in nodes() are out of date.
+  const NodeShare& share() const { return share_; }
+  /// Rows of all nodes, and all else of the state that other ranks compute. Collective.
+  void collect();
+  /// value(n) at each of `nodes`, from the rank that computes it. Collective.
+  template <class Value>
+  auto at(std::span<const index_t> nodes, Value&& value) const
+  {
+    std::vector<decltype(value(std::size_t{}))> rows(nodes.size());
+    std::vector<int> owner;
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+    {
+      const auto n = static_cast<std::size_t>(nodes[k]);
+      if (share_.owns(n))
+        rows[k] = value(n);
+      if (!ranks().alone())
+        owner.push_back(share_.owner()[n]);
+    }
+    share_.collect(rows, owner);
+    return rows;
+  }
+
   /// Start over from u(X) [m] and v(X) [m/s] at time t; prescribed velocities win over v. Balances start at
   /// zero. Parts that are rigid or prescribed as a whole must keep their shape.
   void set_motion(const std::function<Vec<dim>(const Vec<dim>&)>& u,
@@ -97,30 +133,52 @@ public:
   interface_velocity() const; ///< of the wet nodes [m/s], n_wet × dim; v_free between the parts of a step
   link::Kinematics interface_kinematics() const; ///< v and a_free of the wet nodes
 
-  /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s].
+  /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s]. Collective.
   double critical_time_step() const;
-  Energies energies() const;
-  double mass() const; ///< with what mass scaling added [kg]
+  Energies energies() const; ///< collective
+  double mass() const;       ///< with what mass scaling added [kg]
   /// What mass scaling added to each body [kg]; loads per mass do not act on it. Empty without mass scaling.
   const std::vector<double>& added_mass() const { return added_mass_; }
   /// Measure the true highest frequency again if that is asked for and the solid has changed much (the bound
-  /// by 5 %, or 2000 steps) since the last time.
+  /// by 5 %, or 2000 steps) since the last time. Collective.
   void measure_frequency();
   /// Force that the part of the solid in front of the plane through `point` along `normal` (in the reference
   /// state) feels from the part behind it [N], and its moment about the point where `point` is nearest to now
-  /// [N m].
+  /// [N m]. Collective.
   std::pair<Vec<dim>, Vec<3>> section_force(const Vec<dim>& point, const Vec<dim>& normal) const;
-  Vec<dim> linear_momentum() const; ///< Σ m v [kg m/s]
-  Vec<3> angular_momentum() const; ///< Σ m x × v about the origin [kg m²/s]; in 2-D only the third component
-  Vec<dim> reaction(std::span<const index_t> nodes)
-      const; ///< Σ (M a − F_ext + F_int − f_link): force of the supports on `nodes` [N]
+  Vec<dim> linear_momentum() const; ///< Σ m v [kg m/s]. Collective
+  /// Σ m x × v about the origin [kg m²/s]; in 2-D only the third component. Collective.
+  Vec<3> angular_momentum() const;
+  /// Σ (M a − F_ext + F_int − f_link): force of the supports on `nodes` [N]. Collective.
+  Vec<dim> reaction(std::span<const index_t> nodes) const;
 
   double time() const; ///< [s]
   /// Set the clock, which ramps and messages read; nothing else changes.
   void set_time(double t);
   std::int64_t steps() const { return step_; }
   const SolidNodes<dim>& nodes() const { return nodes_; }
-  const std::vector<Body<dim>>& bodies() const { return bodies_; }
+  const std::vector<Body<dim>>& bodies() const { return bodies_; } ///< the elements that this rank computes
+  /// Nodes and numbers of all elements of body k.
+  const AnyBlock<dim>& whole_block(std::size_t k) const
+  {
+    return whole_.empty() ? bodies_[k].block : whole_[k].block;
+  }
+  /// Rows of all elements of body k from those that each rank has of its own bodies()[k], the copies of
+  /// others left out. Collective.
+  template <class T>
+  std::vector<T> of_all_elements(std::size_t k, std::vector<T> mine, std::size_t width = 1) const
+  {
+    if (whole_.empty())
+      return mine;
+    const auto& whole = whole_[k];
+    std::vector<T> rows(whole.owner.size() * width);
+    for (std::size_t i = 0; i < whole.held.size(); ++i)
+      std::copy_n(mine.begin() + static_cast<std::ptrdiff_t>(i * width), width,
+                  rows.begin() +
+                      static_cast<std::ptrdiff_t>(static_cast<std::size_t>(whole.held[i]) * width));
+    share_.collect(rows, whole.owner, width);
+    return rows;
+  }
   const Mesh<dim>& mesh() const { return reference_.mesh; } ///< reference mesh in the solid's numbering
   const std::vector<index_t>& given_number() const
   {
@@ -138,7 +196,7 @@ public:
   /// All that a later step depends on; what follows from the configuration is made by the constructor.
   void for_each_state(StateArchive& archive);
 
-  /// F_int at any displacement [N]; for verification and statics, allocates.
+  /// F_int at any displacement [N]; for verification and statics, allocates. Collective.
   std::vector<Vec<dim>> internal_force_at(std::span<const Vec<dim>> u) const;
 
 private:
@@ -179,8 +237,30 @@ private:
     }
   };
 
+  /// A body of which this rank holds some elements.
+  struct WholeBody
+  {
+    AnyBlock<dim> block;       ///< nodes and numbers of all elements, no geometry
+    std::vector<index_t> held; ///< the elements of it that this rank computes
+    std::vector<int> owner;    ///< rank that counts each element
+    std::size_t row = 0;       ///< numbers that an element remembers
+  };
+
+  std::vector<char> nodes_of_first_rank() const;
+  Graph graph_of_nodes() const;
+  void hold_part_of(std::size_t k, std::vector<index_t> held);
+  BodyState<dim> state_of_all(std::size_t k) const;
+  void take_state(std::size_t k, const BodyState<dim>& all);
+  /// Sum of term(n) over all nodes, without an order. Collective.
+  template <int size, class Term>
+  Vec<size> sum_over_nodes(Term&& term) const;
+
   void make_beam(const SolidConfig& config);
   double driven_velocity(const DrivenFibre& driven, double t) const;
+  std::size_t node_of(const DrivenFibre& driven) const ///< whose work counts what drives the fibre
+  {
+    return static_cast<std::size_t>(fibre_[driven.fibre][0]);
+  }
   double formula_of(const DrivenComponent& driven, double t) const;
   /// Velocities (and accelerations) of the driven components of `part` at the end of the step.
   void finish_driven(double dt, Part part);
@@ -195,11 +275,12 @@ private:
   bool at_once() const { return beam_ || (contact_ && contact_->by_impulse()); }
   void count_works(double dt);
   void solve_rigid_bodies(double dt);
-  double bound_of_frequency_squared() const;   ///< of the elements, without contact [1/s²]
+  double bound_of_frequency_squared() const;   ///< of the elements, without contact [1/s²]. Collective
   double opposing(std::size_t n, int i) const; ///< viscous minus contact force on a component [N]
   void update_external_force(double t);
   void move_free(double dt, index_t begin, index_t end);
   void start_balances();
+  double gravity_work() const; ///< Σ m g·u [J]. Collective
   double driven_force(const DrivenComponent&) const;
   [[noreturn]] void fail_inverted(const Body<dim>& body, index_t element) const;
 
@@ -246,8 +327,14 @@ private:
   double t_origin_ = 0.0, dt_ = 0.0; ///< time = t_origin + steps_of_dt × dt, counted anew when dt changes
   std::int64_t steps_of_dt_ = 0, step_ = 0;
   double gravity_reference_ = 0.0; ///< Σ m g·u at the start [J]
-  double load_work_ = 0.0, driven_work_ = 0.0, interface_work_ = 0.0, viscous_work_ = 0.0,
-         contact_work_ = 0.0;
+  // Works at each node [J]; their sums have no order, so that they do not depend on who holds which.
+  std::vector<double> external_work_;  ///< of loads, except gravity, and of prescribed motion
+  std::vector<double> interface_work_; ///< wet nodes
+  std::vector<double> viscous_work_;   ///< empty without damping
+  std::vector<double> contact_work_;   ///< empty without contact
+
+  NodeShare share_;
+  std::vector<WholeBody> whole_; ///< of each body; empty on one rank
 };
 
 } // namespace undine::solid

@@ -1,35 +1,75 @@
 // Energies, momenta, reactions and section forces of the explicit solid.
 #include "solid_fe/solid.hpp"
 
+#include <algorithm>
+#include <array>
+
 namespace undine::solid
 {
 
 template <int dim>
+template <int size, class Term>
+Vec<size> Solid<dim>::sum_over_nodes(Term&& term) const
+{
+  std::array<ExactSum, size> sums;
+  share_.for_own(
+      [&](std::size_t n)
+      {
+        const Vec<size> row = term(n);
+        for (int i = 0; i < size; ++i)
+          sums[static_cast<std::size_t>(i)].add(row[i]);
+      });
+  std::array<ExactSum*, size> all;
+  std::transform(sums.begin(), sums.end(), all.begin(), [](ExactSum& sum) { return &sum; });
+  ranks().sum(all);
+  Vec<size> total;
+  for (int i = 0; i < size; ++i)
+    total[i] = sums[static_cast<std::size_t>(i)].value();
+  return total;
+}
+
+template <int dim>
+double Solid<dim>::gravity_work() const
+{
+  if (norm_squared(gravity_) == 0.0)
+    return 0.0;
+  return sum_over_nodes<1>([this](std::size_t n)
+                           { return Vec<1>{{given_mass_[n] * dot(gravity_, nodes_.u[n])}}; })[0];
+}
+
+template <int dim>
 Energies Solid<dim>::energies() const
 {
-  Energies e;
-  double gravity_work = -gravity_reference_;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
+  ExactSum kinetic, external, interface, viscous, contact;
+  StoredEnergy stored;
+  share_.for_own([&](std::size_t n) { kinetic.add(0.5 * nodes_.m[n] * norm_squared(nodes_.v[n])); });
+  const auto add = [&](const std::vector<double>& works, ExactSum& sum)
   {
-    e.kinetic += 0.5 * nodes_.m[n] * norm_squared(nodes_.v[n]);
-    gravity_work += given_mass_[n] * dot(gravity_, nodes_.u[n]);
-  }
-  if (beam_)
-  {
-    e.kinetic = beam_->kinetic_energy();
-    e.strain = beam_->strain_energy();
-  }
+    share_.for_own(0, works.size(),
+                   [&](std::size_t n)
+                   {
+                     if (works[n] != 0.0)
+                       sum.add(works[n]);
+                   });
+  };
+  add(external_work_, external);
+  add(interface_work_, interface);
+  add(viscous_work_, viscous);
+  add(contact_work_, contact);
   for (const auto& body : bodies_)
-  {
-    const auto stored = stored_energy(body, std::span<const Vec<dim>>(nodes_.u));
-    e.strain += stored.strain;
-    e.hourglass += stored.hourglass;
-    e.plastic += stored.plastic;
-  }
-  e.viscous = viscous_work_;
-  e.contact = contact_work_;
-  e.external = gravity_work + load_work_ + driven_work_;
-  e.interface = interface_work_;
+    add_stored_energy(body, std::span<const Vec<dim>>(nodes_.u), stored);
+  ranks().sum({&kinetic, &external, &interface, &viscous, &contact, &stored.strain, &stored.hourglass,
+               &stored.plastic});
+
+  Energies e;
+  e.kinetic = beam_ ? beam_->kinetic_energy() : kinetic.value();
+  e.strain = beam_ ? beam_->strain_energy() : stored.strain.value();
+  e.hourglass = stored.hourglass.value();
+  e.plastic = stored.plastic.value();
+  e.viscous = viscous.value();
+  e.contact = contact.value();
+  e.external = gravity_work() - gravity_reference_ + external.value();
+  e.interface = interface.value();
   return e;
 }
 
@@ -45,26 +85,23 @@ double Solid<dim>::mass() const
 template <int dim>
 Vec<dim> Solid<dim>::linear_momentum() const
 {
-  Vec<dim> momentum;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    momentum += nodes_.m[n] * nodes_.v[n];
-  return momentum;
+  return sum_over_nodes<dim>([this](std::size_t n) { return nodes_.m[n] * nodes_.v[n]; });
 }
 
 template <int dim>
 Vec<3> Solid<dim>::angular_momentum() const
 {
-  Vec<3> momentum;
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-  {
-    Vec<3> x, v;
-    for (int i = 0; i < dim; ++i)
-    {
-      x[i] = nodes_.X[n][i] + nodes_.u[n][i];
-      v[i] = nodes_.v[n][i];
-    }
-    momentum += nodes_.m[n] * cross(x, v);
-  }
+  auto momentum = sum_over_nodes<3>(
+      [this](std::size_t n)
+      {
+        Vec<3> x, v;
+        for (int i = 0; i < dim; ++i)
+        {
+          x[i] = nodes_.X[n][i] + nodes_.u[n][i];
+          v[i] = nodes_.v[n][i];
+        }
+        return nodes_.m[n] * cross(x, v);
+      });
   if (beam_) // the rotary inertia is not that of two masses at the ends
     momentum[2] = beam_->angular_momentum();
   return momentum;
@@ -89,15 +126,18 @@ Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
         }
       return total;
     }
-  for (const index_t k : nodes)
-  {
-    const auto n = static_cast<std::size_t>(k);
-    total += nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
-    for (int i = 0; i < dim; ++i)
-      total[i] += opposing(n, i);
-    if (n < f_link_.size())
-      total -= f_link_[n];
-  }
+  const auto reactions = at(nodes,
+                            [this](std::size_t n)
+                            {
+                              Vec<dim> f = nodes_.m[n] * nodes_.a[n] - F_ext_[n] + F_int_[n];
+                              for (int i = 0; i < dim; ++i)
+                                f[i] += opposing(n, i);
+                              if (n < f_link_.size())
+                                f -= f_link_[n];
+                              return f;
+                            });
+  for (const auto& f : reactions)
+    total += f;
   return total;
 }
 
@@ -110,18 +150,18 @@ std::pair<Vec<dim>, Vec<3>> Solid<dim>::section_force(const Vec<dim>& point, con
   for (std::size_t n = 0; n < nodes_.X.size(); ++n)
     if (norm_squared(nodes_.X[n] - point) < norm_squared(nodes_.X[nearest] - point))
       nearest = n;
-  const auto about = point + nodes_.u[nearest];
+  const std::array<index_t, 1> there{static_cast<index_t>(nearest)};
+  const auto about = point + at(there, [this](std::size_t n) { return nodes_.u[n]; }).front();
   std::pair<Vec<dim>, Vec<3>> total{};
-  const auto add = [&](const Vec<dim>& f, const Vec<dim>& x)
+  const auto moment = [&](const Vec<dim>& f, const Vec<dim>& x)
   {
-    total.first += f;
     Vec<3> arm, force;
     for (int i = 0; i < dim; ++i)
     {
       arm[i] = x[i] - about[i];
       force[i] = f[i];
     }
-    total.second += cross(arm, force);
+    return cross(arm, force);
   };
   if constexpr (dim == 2)
     if (beam_)
@@ -132,14 +172,18 @@ std::pair<Vec<dim>, Vec<3>> Solid<dim>::section_force(const Vec<dim>& point, con
       for (std::size_t k = 0; k < F.size(); ++k)
         if (dot(beam_->X()[k] - point, normal) > 0.0)
         {
-          add(-1.0 * F[k], beam_->X()[k] + beam_->u()[k]);
+          total.first -= F[k];
+          total.second += moment(-1.0 * F[k], beam_->X()[k] + beam_->u()[k]);
           total.second[2] -= M[k];
         }
       return total;
     }
-  for (std::size_t n = 0; n < nodes_.X.size(); ++n)
-    if (dot(nodes_.X[n] - point, normal) > 0.0)
-      add(-1.0 * F_int_[n], nodes_.X[n] + nodes_.u[n]);
+  const auto in_front = [&](std::size_t n) { return dot(nodes_.X[n] - point, normal) > 0.0; };
+  total.first =
+      sum_over_nodes<dim>([&](std::size_t n) { return in_front(n) ? -1.0 * F_int_[n] : Vec<dim>{}; });
+  total.second = sum_over_nodes<3>(
+      [&](std::size_t n)
+      { return in_front(n) ? moment(-1.0 * F_int_[n], nodes_.X[n] + nodes_.u[n]) : Vec<3>{}; });
   return total;
 }
 
@@ -147,8 +191,8 @@ template <int dim>
 index_t Solid<dim>::n_elements() const
 {
   index_t n = beam_ ? static_cast<index_t>(beam_->n_elements()) : 0;
-  for (const auto& body : bodies_)
-    n += std::visit([](const auto& block) { return block.size(); }, body.block);
+  for (std::size_t k = 0; k < bodies_.size(); ++k)
+    n += std::visit([](const auto& block) { return block.size(); }, whole_block(k));
   return n;
 }
 

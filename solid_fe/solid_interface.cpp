@@ -12,6 +12,8 @@ template <int dim>
 void Solid<dim>::push(std::span<const double> f_link, double dt)
 {
   assert(f_link.size() == f_link_.size() * dim);
+  if (!share_.is_first())
+    return;
   const double dt_mean = 0.5 * (dt + dt_before_); // from one half step to the next
   if constexpr (dim == 2)
     if (beam_)
@@ -19,16 +21,16 @@ void Solid<dim>::push(std::span<const double> f_link, double dt)
       const auto row = [&](std::size_t n) { return Vec<2>{{f_link[2 * n], f_link[2 * n + 1]}}; };
       for (std::size_t n = 0; n < f_link_.size(); ++n)
       {
-        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n] - dt_mean * nodes_.a[n]);
+        interface_work_[n] += 0.5 * dt * dot(row(n), nodes_.v[n] - dt_mean * nodes_.a[n]);
         beam_->add_face_impulse(place_[n].second, place_[n].first, dt * row(n));
       }
       show_beam(false);
       for (std::size_t n = 0; n < f_link_.size(); ++n)
-        interface_work_ += 0.5 * dt * dot(row(n), nodes_.v[n]);
+        interface_work_[n] += 0.5 * dt * dot(row(n), nodes_.v[n]);
       for (auto& driven : driven_fibres_)
         for (const index_t end : fibre_[driven.fibre])
           if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
-            driven_work_ -= dt * row(n)[driven.component] * driven.v_step;
+            external_work_[n] -= dt * row(n)[driven.component] * driven.v_step;
       return;
     }
   for (std::size_t n = 0; n < f_link_.size(); ++n)
@@ -39,15 +41,15 @@ void Solid<dim>::push(std::span<const double> f_link, double dt)
       // Mean of the velocities in the half steps before and after: exactly the change of kinetic energy
       // between them.
       if (nodes_.inverse_mass[n][i] > 0.0)
-        interface_work_ += dt * f * (v + 0.5 * (dv - dt_mean * nodes_.a[n][i]));
+        interface_work_[n] += dt * f * (v + 0.5 * (dv - dt_mean * nodes_.a[n][i]));
       nodes_.v[n][i] = v + dv;
     }
   for (auto& driven : driven_)
     if (driven.node < f_link_.size())
     {
       const double f = f_link[driven.node * dim + static_cast<std::size_t>(driven.component)];
-      interface_work_ += dt * f * driven.v_step;
-      driven_work_ -= dt * f * driven.v_step;
+      interface_work_[driven.node] += dt * f * driven.v_step;
+      external_work_[driven.node] -= dt * f * driven.v_step;
     }
 }
 
@@ -55,6 +57,8 @@ template <int dim>
 void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
 {
   assert(f_link.size() == f_link_.size() * dim);
+  if (!share_.is_first())
+    return;
   const double half = 0.5 * dt;
   for (std::size_t n = 0; n < f_link_.size(); ++n)
   {
@@ -69,7 +73,7 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
       nodes_.v[n][i] += half * a_link;
     }
     link_beam(n, f, dt);
-    interface_work_ += 0.5 * dot(f_link_[n] + f, step_of_wet_[n]);
+    interface_work_[n] += 0.5 * dot(f_link_[n] + f, step_of_wet_[n]);
     f_link_[n] = f;
   }
   if (beam_)
@@ -78,14 +82,14 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
     for (const index_t end : fibre_[driven.fibre])
       if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
       {
-        driven_work_ -= 0.5 * f_link_[n][driven.component] * dt * driven.v_step;
+        external_work_[n] -= 0.5 * f_link_[n][driven.component] * dt * driven.v_step;
         driven.reaction -= f_link_[n][driven.component];
       }
   for (auto& driven : driven_) // what the link pushes into a driven component, its support takes up
     if (driven.node < f_link_.size())
     {
       const double f = f_link_[driven.node][driven.component];
-      driven_work_ -= 0.5 * f * dt * driven.v_step;
+      external_work_[driven.node] -= 0.5 * f * dt * driven.v_step;
       driven.reaction -= f;
     }
 }
@@ -93,6 +97,8 @@ void Solid<dim>::correct_with_link(std::span<const double> f_link, double dt)
 template <int dim>
 void Solid<dim>::apply_activation(const link::Activation& activation)
 {
+  if (!share_.is_first())
+    return;
   assert(activation.impulse.size() == f_link_.size() * dim &&
          activation.link_force.size() == f_link_.size() * dim);
   if constexpr (dim == 2)
@@ -104,7 +110,8 @@ void Solid<dim>::apply_activation(const link::Activation& activation)
       const double kinetic = beam_->kinetic_energy(); // its change is Σ impulse · (v⁻ + v⁺)/2
       for (std::size_t n = 0; n < f_link_.size(); ++n)
         beam_->add_face_impulse(place_[n].second, place_[n].first, row(activation.impulse, n));
-      interface_work_ += beam_->kinetic_energy() - kinetic;
+      if (!f_link_.empty())
+        interface_work_[0] += beam_->kinetic_energy() - kinetic;
       beam_->drop_face_forces();
       for (std::size_t n = 0; n < f_link_.size(); ++n)
       {
@@ -128,13 +135,13 @@ void Solid<dim>::apply_activation(const link::Activation& activation)
       const double v_before = nodes_.v[n][i];
       nodes_.v[n][i] += nodes_.inverse_mass[n][i] * impulse;
       if (nodes_.inverse_mass[n][i] > 0.0)
-        interface_work_ += impulse * 0.5 * (v_before + nodes_.v[n][i]);
+        interface_work_[n] += impulse * 0.5 * (v_before + nodes_.v[n][i]);
       f_link_[n][i] = activation.link_force[n * dim + static_cast<std::size_t>(i)];
       nodes_.a[n][i] = a_free_wet_[n][i] + nodes_.inverse_mass[n][i] * f_link_[n][i];
     }
   for (auto& driven : driven_)
-    driven.reaction =
-        driven_force(driven) - (driven.node < f_link_.size() ? f_link_[driven.node][driven.component] : 0.0);
+    if (driven.node < f_link_.size())
+      driven.reaction = driven_force(driven) - f_link_[driven.node][driven.component];
 }
 
 template <int dim>

@@ -86,14 +86,14 @@ std::vector<Vec<dim>> element_middles(const Solid<dim>& solid)
     for (const auto& block : solid.mesh().blocks)
       for (index_t e = 0; e < block.size(); ++e)
         add(&block.nodes[static_cast<std::size_t>(4 * e)], 4);
-  for (const auto& body : solid.bodies())
+  for (std::size_t k = 0; k < solid.bodies().size(); ++k)
     std::visit(
         [&](const auto& block)
         {
           for (const auto& element : block.nodes)
             add(element.data(), element.size());
         },
-        body.block);
+        solid.whole_block(k));
   return middles;
 }
 
@@ -201,8 +201,16 @@ CellStress cell_stress(const Solid<dim>& solid)
         sigma.push_back(mean);
         stress.plastic_strain.push_back(0.0);
       }
-  for (const auto& body : solid.bodies())
-    append_stress(body, std::span<const Vec<dim>>(solid.nodes().u), sigma, stress.plastic_strain);
+  for (std::size_t k = 0; k < solid.bodies().size(); ++k)
+  {
+    std::vector<Mat<3>> own_sigma;
+    std::vector<double> own_strain;
+    append_stress(solid.bodies()[k], std::span<const Vec<dim>>(solid.nodes().u), own_sigma, own_strain);
+    const auto all_sigma = solid.of_all_elements(k, std::move(own_sigma));
+    const auto all_strain = solid.of_all_elements(k, std::move(own_strain));
+    sigma.insert(sigma.end(), all_sigma.begin(), all_sigma.end());
+    stress.plastic_strain.insert(stress.plastic_strain.end(), all_strain.begin(), all_strain.end());
+  }
   for (const auto& s : sigma)
   {
     stress.sigma.insert(stress.sigma.end(), s.c.begin(), s.c.end());
@@ -257,7 +265,8 @@ SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<Prob
               "; balance = kinetic + strain + hourglass + plastic + viscous + contact - external - interface "
               "stays at its start up to O(dt^2)",
           {"kinetic[J]", "strain[J]", "external_work[J]", "interface_work[J]", "balance[J]", "hourglass[J]",
-           "plastic_work[J]", "viscous_work[J]", "contact[J]"})
+           "plastic_work[J]", "viscous_work[J]", "contact[J]"}),
+      writes_(solid.ranks().rank() == 0)
 {
   if (config.frames)
     frames_.emplace(config.dir, config.part);
@@ -283,18 +292,25 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
   if (!frames_)
     return;
   const auto& nodes = solid.nodes();
-  const auto u = flat(nodes.u), v = flat(nodes.v);
+  const auto all = [&solid](std::vector<Vec<dim>> field)
+  {
+    solid.share().collect(field);
+    return flat(field);
+  };
+  const auto u = all(nodes.u), v = all(nodes.v);
+  const auto stress = cell_stress(solid);
+  if (!writes_)
+    return;
   auto x = flat(nodes.X);
   for (std::size_t k = 0; k < x.size(); ++k)
     x[k] += u[k];
-  const auto stress = cell_stress(solid);
 
   std::vector<std::vector<index_t>> connectivity;
   FrameMesh mesh;
   mesh.dim = dim;
   mesh.x = x;
   connectivity.reserve(solid.bodies().size());
-  for (const auto& body : solid.bodies())
+  for (std::size_t k = 0; k < solid.bodies().size(); ++k)
     std::visit(
         [&]<class Element>(const ReferenceBlock<Element>& block)
         {
@@ -303,7 +319,7 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
             list.insert(list.end(), element.begin(), element.end());
           mesh.blocks.emplace_back(Element::type, std::span<const index_t>(list));
         },
-        body.block);
+        solid.whole_block(k));
   if (solid.beam() != nullptr)
     for (const auto& block : solid.mesh().blocks)
       mesh.blocks.emplace_back(block.type, std::span<const index_t>(block.nodes));
@@ -323,6 +339,8 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
 template <int dim>
 void SolidOutput<dim>::for_each_state(StateArchive& archive)
 {
+  if (!writes_)
+    return;
   archive("frames", frames_);
   for (std::size_t k = 0; k < probes_.size(); ++k)
     archive("probe_" + std::to_string(k), probes_[k].history);
@@ -359,14 +377,20 @@ void SolidOutput<dim>::write_history(const Solid<dim>& solid, const Energies& e)
       if (name == "F")
         value = solid.reaction(probe.nodes);
       else
-        for (std::size_t k = 0; k < probe.nodes.size(); ++k)
-          value += probe.weight[k] * field_of(solid.nodes(), name)[static_cast<std::size_t>(probe.nodes[k])];
+      {
+        const auto& field = field_of(solid.nodes(), name);
+        const auto values = solid.at(probe.nodes, [&](std::size_t n) { return field[n]; });
+        for (std::size_t k = 0; k < values.size(); ++k)
+          value += probe.weight[k] * values[k];
+      }
       row.insert(row.end(), value.c.begin(), value.c.end());
     }
-    probe.history.write(solid.time(), row);
+    if (writes_)
+      probe.history.write(solid.time(), row);
   }
-  energy_.write(solid.time(), {e.kinetic, e.strain, e.external, e.interface, e.balance(), e.hourglass,
-                               e.plastic, e.viscous, e.contact});
+  if (writes_)
+    energy_.write(solid.time(), {e.kinetic, e.strain, e.external, e.interface, e.balance(), e.hourglass,
+                                 e.plastic, e.viscous, e.contact});
 }
 
 template CellStress cell_stress(const Solid<2>&);

@@ -21,6 +21,7 @@ struct CellStress
   std::vector<double> plastic_strain; ///< equivalent, mean over the points; 0 for elastic laws
 };
 
+/// Collective.
 template <int dim>
 CellStress cell_stress(const Solid<dim>& solid);
 
@@ -40,7 +41,8 @@ std::vector<std::string> probe_quantities();
 template <int dim>
 void check_probes(const std::vector<ProbeConfig>& probes, const Solid<dim>& solid);
 
-/// Files of one run in its output folder: solid.h5/.xdmf, history/<probe>.csv, history/solid_energy.csv.
+/// Files of one run in its output folder: solid.h5/.xdmf, history/<probe>.csv, history/solid_energy.csv. On
+/// several ranks rank 0 writes, and all functions are collective.
 /// @throws InputError for a probe that cannot be (surface, quantity), Failure(output_failed) from its writers
 template <int dim>
 class SolidOutput
@@ -67,6 +69,7 @@ private:
   std::optional<FrameWriter> frames_;
   std::vector<Probe> probes_;
   History energy_;
+  bool writes_ = true; ///< on rank 0
 };
 
 } // namespace undine::solid

@@ -47,22 +47,15 @@ int end_with(int code, const std::string& role, const std::string& text, const s
 
 } // namespace
 
-link::World Launch::meet(const std::vector<std::string>& partners, bool several_ranks) const
+link::World Launch::meet(const std::vector<std::string>& partners) const
 {
-  link::World world =
-      link::World::connect({.role = role,
-                            .solver = "undine " + program + " " UNDINE_VERSION,
-                            .dim = run.dim,
-                            .case_hash = file.hash(),
-                            .partners = partners,
-                            .capabilities = link::capability::link | link::capability::contact},
-                           {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
-  int ranks = 1;
-  MPI_Comm_size(world.comm(), &ranks);
-  if (ranks > 1 && !several_ranks)
-    throw InputError("the program '" + role + "' was started on " + std::to_string(ranks) +
-                     " ranks; it runs on one (-n 1), only fluid_pfem on several");
-  return world;
+  return link::World::connect({.role = role,
+                               .solver = "undine " + program + " " UNDINE_VERSION,
+                               .dim = run.dim,
+                               .case_hash = file.hash(),
+                               .partners = partners,
+                               .capabilities = link::capability::link | link::capability::contact},
+                              {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
 }
 
 Ranks Launch::ranks(const link::World& world) const

@@ -42,9 +42,8 @@ struct Launch
   Persistence persistence(Checkpoints& checkpoints, StateVisitor output, const Ranks& ranks = {}) const;
 
   /// Meet the other programs. `partners`: roles that must be there.
-  /// @param several_ranks this program may have more than one
-  /// @throws link::ProtocolError; InputError if this program has more ranks than it may
-  link::World meet(const std::vector<std::string>& partners, bool several_ranks = false) const;
+  /// @throws link::ProtocolError; also for a coupler on several ranks
+  link::World meet(const std::vector<std::string>& partners) const;
   /// The ranks of this program. One may keep the others waiting for run.rank_timeout; coupled twice as long
   /// as a program may keep the coupler waiting, so that the coupler speaks first.
   Ranks ranks(const link::World& world) const;

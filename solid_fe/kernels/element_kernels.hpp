@@ -391,8 +391,8 @@ index_t add_forces(const ReferenceBlock<Element>& block, const Law& law, Part pa
   }
 }
 
-/// Calls visit(q, weight, H̄, history of q) for the points of every element, with element_begin(e, ...)
-/// before.
+/// Calls visit(e, q, geometry, u of the element, H, H̄, history of q) for the points of every element that
+/// this rank counts.
 template <class Element, class Law, class Visit>
 void for_each_point(const ReferenceBlock<Element>& block, const Law&, const BodyState<Element::dim>& state,
                     std::span<const Vec<Element::dim>> u, Visit&& visit)
@@ -406,6 +406,8 @@ void for_each_point(const ReferenceBlock<Element>& block, const Law&, const Body
   }
   for (index_t e = 0; e < block.size(); ++e)
   {
+    if (!block.counts(e))
+      continue;
     const auto& nodes = block.nodes[static_cast<std::size_t>(e)];
     const auto u_e = gather<Element>(nodes, u);
     const auto g = block.geometry(e);
@@ -459,26 +461,37 @@ index_t add_forces_of(const Body<dim>& body, const Law& law, Part part, std::spa
 }
 
 template <int dim, class Law>
-StoredEnergy stored_energy_of(const Body<dim>& body, const Law& law, std::span<const Vec<dim>> u)
+void add_stored_energy_of(const Body<dim>& body, const Law& law, std::span<const Vec<dim>> u,
+                          StoredEnergy& energy)
 {
-  return kernels::with_block(
+  kernels::with_block(
       body, law,
       [&]<class Element, class Used>(const ReferenceBlock<Element>& block, const Used& used)
       {
-        StoredEnergy energy;
+        double strain = 0.0, plastic = 0.0, hourglass = 0.0; // of one element
         kernels::for_each_point(
             block, used, body.state, u,
             [&]([[maybe_unused]] index_t e, std::size_t q, const auto& g, [[maybe_unused]] const auto& u_e,
                 [[maybe_unused]] const auto& H, const auto& H_bar, const auto& history)
             {
-              energy.strain += g.weight[q] * energy_of(used, H_bar, history);
+              strain = (q > 0 ? strain : 0.0) + g.weight[q] * energy_of(used, H_bar, history);
               if constexpr (requires { used.template dissipated<strain_dim<Element>>(history); })
-                energy.plastic += g.weight[q] * used.template dissipated<strain_dim<Element>>(history);
+              {
+                plastic = (q > 0 ? plastic : 0.0) +
+                          g.weight[q] * used.template dissipated<strain_dim<Element>>(history);
+                if (q + 1 == Element::points)
+                  energy.plastic.add(plastic);
+              }
               if constexpr (Element::hourglass_modes > 0)
+              {
+                hourglass = 0.0; // one point
                 for (const auto& a : hourglass_amplitudes<Element>(g, H, u_e))
-                  energy.hourglass += 0.5 * g.hourglass_stiffness[0] * norm_squared(a);
+                  hourglass += 0.5 * g.hourglass_stiffness[0] * norm_squared(a);
+                energy.hourglass.add(hourglass);
+              }
+              if (q + 1 == Element::points)
+                energy.strain.add(strain);
             });
-        return energy;
       });
 }
 
@@ -580,7 +593,8 @@ std::size_t history_lanes_of(const Body<dim>& body, const Law& law)
 #define UNDINE_INSTANTIATE_LAW_IN(dim, Law)                                                                  \
   template index_t add_forces_of(const Body<dim>&, const Law&, Part, std::span<const Vec<dim>>, double,      \
                                  BodyState<dim>&, std::span<Vec<dim>>);                                      \
-  template StoredEnergy stored_energy_of(const Body<dim>&, const Law&, std::span<const Vec<dim>>);           \
+  template void add_stored_energy_of(const Body<dim>&, const Law&, std::span<const Vec<dim>>,                \
+                                     StoredEnergy&);                                                         \
   template double highest_frequency_squared_of(const Body<dim>&, const Law&, std::span<const Vec<dim>>);     \
   template void append_stress_of(const Body<dim>&, const Law&, std::span<const Vec<dim>>,                    \
                                  std::vector<Mat<3>>&, std::vector<double>&);                                \

@@ -18,7 +18,8 @@ index_t add_forces_of(const Body<dim>& body, const Law& law, Part part, std::spa
                       double dt, BodyState<dim>& state, std::span<Vec<dim>> F_int);
 
 template <int dim, class Law>
-StoredEnergy stored_energy_of(const Body<dim>& body, const Law& law, std::span<const Vec<dim>> u);
+void add_stored_energy_of(const Body<dim>& body, const Law& law, std::span<const Vec<dim>> u,
+                          StoredEnergy& energy);
 
 /// max_e (full γ_e + volumetric δ_e) at the current deformation [1/s²].
 template <int dim, class Law>

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The fluid on several ranks: the same bytes as on one, and no hang when a rank fails. The real programs.
+"""Fluid and solid on several ranks: the same bytes as on one, and no hang when a rank fails. The real programs.
 
 Example: tests/system/ranks_test.py --build build/release Same.test_a_dam_break
          tests/system/ranks_test.py --build build/release Longer             (1000 steps and more; label validation)
@@ -24,19 +24,22 @@ STALL = 2    # [s]
 MARGIN = 8   # for a machine on which others compute
 
 
-def line_of(case, out, ranks, *options):
-    """mpirun line with the fluid on so many ranks, coupled where the case is."""
+def line_of(case, out, ranks, *options, solid=1):
+    """mpirun line with the fluid on so many ranks, coupled where the case is; of a solid alone it is its number."""
     common = [str(case), "--out", str(out), *options]
     fluid = ["-n", str(ranks), programs.program("fluid"), *common]
-    if "[coupling]" not in case.read_text() and "[[interface]]" not in case.read_text():
+    text = case.read_text()
+    if "[fluid]" not in text:
+        return [*programs.MPIRUN, "-n", str(ranks), programs.program("solid"), *common]
+    if "[coupling]" not in text and "[[interface]]" not in text:
         return [*programs.MPIRUN, *fluid]
-    return [*programs.MPIRUN, "-n", "1", programs.program("coupler"), *common, ":", *fluid, ":", "-n", "1", programs.program("solid"), *common]
+    return [*programs.MPIRUN, "-n", "1", programs.program("coupler"), *common, ":", *fluid, ":", "-n", str(solid), programs.program("solid"), *common]
 
 
 def checkpoints(out):
-    """{file and name: bytes} of every data set of every checkpoint of the fluid."""
+    """{file and name: bytes} of every data set of every checkpoint of fluid and solid."""
     found = {}
-    for path in out.glob("checkpoints/*/fluid.h5"):
+    for path in [*out.glob("checkpoints/*/fluid.h5"), *out.glob("checkpoints/*/solid.h5")]:
         with h5py.File(path) as file:
             def visit(name, item, path=path):
                 if isinstance(item, h5py.Dataset):
@@ -47,7 +50,7 @@ def checkpoints(out):
 
 def steps_of(out):
     import json
-    summary = json.loads((out / "fluid.json").read_text())
+    summary = json.loads((out / ("fluid.json" if (out / "fluid.json").is_file() else "solid.json")).read_text())
     summary = summary.get("fluid", summary)
     return summary.get("steps", summary.get("fluid.steps")), summary.get("remeshes", summary.get("fluid.remeshes"))
 
@@ -57,9 +60,9 @@ class RanksTest(programs.SystemTest):
         ended = programs.run(line, LIMIT)
         self.assertEqual(ended.code, 0, ended.text)
 
-    def same(self, name, ranks, t_end, *settings):
-        """Run the case on each number of ranks, and from a checkpoint of the last one on one rank."""
-        case = programs.ROOT / "cases" / name / "case.toml"
+    def same(self, name, ranks, t_end, *settings, solid=lambda n: 1, case=None):
+        """Run the case on each number of ranks, and from a checkpoint of the last one on one rank. solid: its ranks beside n of the fluid"""
+        case = case or programs.ROOT / "cases" / name / "case.toml"
         options = sets(*settings, f"run.t_end={t_end}", f"output.every={t_end / 4}", f"checkpoint.every={t_end / 2}", "checkpoint.keep=0")
         first = self.folder / "1"
         self.complete(line_of(case, first, 1, *options))
@@ -67,7 +70,7 @@ class RanksTest(programs.SystemTest):
         self.assertTrue(any("checkpoints" in k for k in truth))
         for n in ranks:
             out = self.folder / str(n)
-            self.complete(line_of(case, out, n, *options))
+            self.complete(line_of(case, out, n, *options, solid=solid(n)))
             found = {**contents(out), **checkpoints(out)}
             self.assertEqual(sorted(found), sorted(truth))
             self.assertEqual([k for k in truth if truth[k] != found[k]], [], f"{n} ranks: not the same bytes")
@@ -80,7 +83,7 @@ class RanksTest(programs.SystemTest):
             out = self.folder / f"again_{n}"
             shutil.copytree(source, out)
             begin = sorted(p.name for p in (out / "checkpoints").iterdir())[0]
-            self.complete(line_of(case, out, n, *options, "--restart", begin))
+            self.complete(line_of(case, out, n, *options, "--restart", begin, solid=solid(n)))
             found = contents(out)
             self.assertEqual([k for k in contents(first) if truth[k] != found[k]], [], f"continued on {n} ranks: not the same bytes")
 
@@ -90,10 +93,20 @@ class Same(RanksTest):
         self.same("dam_break", (2, 8), 0.25, "run.resolution=12")
 
     def test_an_elastic_gate_in_contact(self):
-        self.same("elastic_gate", (2, 3), 0.004, "run.resolution=24")
+        self.same("elastic_gate", (2, 3), 0.004, "run.resolution=24", solid=lambda n: n)
 
     def test_a_column_that_is_subcycled(self):
-        self.same("elastic_column", (2,), 0.02, "run.resolution=24")
+        self.same("elastic_column", (2,), 0.02, "run.resolution=24", solid=lambda n: n)
+
+    def test_a_solid_alone(self):
+        """Plastic flow, a wall, probes of everything."""
+        probe = '\n[[probe]]\nname = "{}"\non = "solid"\n{}\nquantity = [{}]\n'
+        text = (programs.ROOT / "cases" / "taylor_bar" / "case.toml").read_text().split("[[reference]]")[0]
+        text += probe.format("stress", "point = [1e-3, 2e-3]", '"p", "von_mises", "plastic_strain", "v", "a"')
+        text += probe.format("cut", "point = [1e-3, 5e-3]\nnormal = [0.0, 1.0]", '"S"') + probe.format("axis", 'surface = "left"', '"F", "u"')
+        case = self.folder / "rod.toml"
+        case.write_text(text)
+        self.same("taylor_bar", (2, 3), 4e-6, case=case)
 
 
 class Longer(RanksTest):
@@ -101,7 +114,7 @@ class Longer(RanksTest):
         self.same("dam_break", (2, 3, 4, 8), 0.6, "run.resolution=24")
 
     def test_an_elastic_gate_in_contact(self):
-        self.same("elastic_gate", (2, 3, 4, 8), 0.06, "run.resolution=20")
+        self.same("elastic_gate", (2, 3, 4, 8), 0.06, "run.resolution=20", solid=lambda n: min(n, 4))
 
     def test_waves_and_drops(self):
         self.same("standing_wave", (2, 4), 0.5, "run.resolution=40")
