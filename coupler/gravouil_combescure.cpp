@@ -227,8 +227,8 @@ std::pair<Vector, Vector> GravouilCombescure::Secants::predict(const Vector& jum
 void GravouilCombescure::advance_macro(const WindowSteps& steps, Partner& fluid, Partner& solid,
                                        const std::function<void(bool trial)>& again)
 {
-  constexpr int most = 50;
-  constexpr double small = 1e-10, learnt = 1e-7; // of the largest velocity
+  constexpr int most = 50, patience = 10;
+  constexpr double small = 1e-10, learnt = 1e-7, round_off = 1e-8; // of the largest velocity
   const Side c = steps.coarse(), q = steps.fine;
   Partner& coarse = c == Side::fluid ? fluid : solid;
   Partner& fine = q == Side::fluid ? fluid : solid;
@@ -262,7 +262,7 @@ void GravouilCombescure::advance_macro(const WindowSteps& steps, Partner& fluid,
     const Vector jump = H_.constraint(c, v_end) + H_.constraint(q, v_fine);
     const double left = H_.largest_jump(jump),
                  scale = std::max(v_end.lpNorm<Eigen::Infinity>(), v_fine.lpNorm<Eigen::Infinity>());
-    if (left <= small * scale)
+    if (left <= (trial < patience ? small : round_off) * scale) // stiff water at rest has more than small
       break;
     if (trial == most)
       throw NumericalError(fmt::format(
@@ -270,7 +270,7 @@ void GravouilCombescure::advance_macro(const WindowSteps& steps, Partner& fluid,
           "both sides still differ by {:.3g} m/s ({:.3g} m/s at most), expected {:.1g} of it: the "
           "fine side does not answer linearly, or the interface has too many multipliers ({}); use "
           "form = \"gravouil_combescure\"",
-          most, left, scale, small, H_.n_multipliers()));
+          most, left, scale, round_off, H_.n_multipliers()));
     if (trial > 1 && H_.largest_jump(jump - last_jump) > learnt * scale)
       secants_.learn(lambda_ - last_lambda, jump - last_jump);
     last_lambda = lambda_;

@@ -83,7 +83,8 @@ public:
   /// nearly linear.
   /// @param again the fine side goes back to the window's begin and runs it once more, `trial`: not for good;
   /// the fine side comes to this function on trial already
-  /// @throws NumericalError if 50 trials leave a velocity jump above 1e-10 of the largest velocity
+  /// @throws NumericalError if 50 trials leave a velocity jump above 1e-8 of the largest velocity (1e-10 is
+  /// tried ten times)
   void advance_macro(const WindowSteps& steps, Partner& fluid, Partner& solid,
                      const std::function<void(bool trial)>& again);
 
