@@ -161,7 +161,7 @@ def draw_frames(picture, path, times=None, dpi=110):
     else:
         each = max(1.1, 5.0 * picture.aspect)
         shape, size = (1, n), (min(24.0, 1.8 + n * (each + 0.25)), 6.2)
-    figure, axes = plt.subplots(*shape, figsize=size, constrained_layout=True, squeeze=False, sharex=True, sharey=True)
+    figure, axes = plt.subplots(*shape, figsize=size, layout="compressed", squeeze=False, sharex=True, sharey=True)
     for ax in axes.flat[n:]:
         ax.set_axis_off()
     for ax, time in zip(axes.flat, times):
@@ -189,24 +189,26 @@ def draw_animation(picture, path, times=None, most=60, seconds=6.0, dpi=80):
     known = known[sorted({round(k) for k in np.linspace(0, len(known) - 1, min(most, len(known)))})]
     size = (6.4, max(2.4, min(8.0, 6.4 / picture.aspect + 1.0))) if picture.aspect > 1.2 else (max(3.2, 5.6 * picture.aspect + 1.8), 5.6)
     figure, ax = plt.subplots(figsize=size, constrained_layout=True)
-    mappables, _ = picture.draw(ax, known[0])
-    picture.finish(figure, ax, mappables)
-    figure.canvas.draw()
-    figure.set_layout_engine("none")  # the frame must not jump
 
     def one(time):
         ax.clear()
-        _, shown = picture.draw(ax, time)
+        mappables, shown = picture.draw(ax, time)
         ax.set_title(f"t = {shown:.4f} s", fontsize=10)
         if picture.dim == 3:
             ax.set_axis_off()
         else:
             ax.set_xlabel("x [m]")
             ax.set_ylabel("y [m]")
+        return mappables
+
+    picture.finish(figure, ax, one(known[0]))
+    for _ in range(2):  # the layout of the second drawing knows the labels' sizes
+        figure.canvas.draw()
+    figure.set_layout_engine("none")  # the frame must not jump
 
     if path.suffix != ".gif":
         from matplotlib import animation
-        animation.FuncAnimation(figure, one, frames=known, interval=1000.0 * seconds / len(known)).save(path, dpi=dpi)
+        animation.FuncAnimation(figure, lambda time: one(time) and (), frames=known, interval=1000.0 * seconds / len(known)).save(path, dpi=dpi)
         plt.close(figure)
         return
     images = []

@@ -528,7 +528,7 @@ TEST_CASE("the axisymmetric Taylor bar shortens and spreads as published", "[sol
 }
 
 // A quarter of the bar, the square of elements mapped to the quarter disc: a coarse mesh, the same gates.
-TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification][taylor]")
+TEST_CASE("the three-dimensional Taylor bar agrees", "[solid][verification][taylor][3d]")
 {
   SolidConfig config;
   config.dim = 3;

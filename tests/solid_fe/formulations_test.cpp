@@ -321,10 +321,11 @@ namespace
 {
 
 /// v(48, 52) of Cook's membrane under the shear force F at its right side, at rest: strong damping of the
-/// lowest mode, whose frequency follows from the expected deflection.
+/// lowest mode, whose frequency ω follows from the expected deflection. At t ω = end the rest has decayed to
+/// (1 + τ) exp(-τ), τ = end - 2: 8e-5 of the deflection at 14, 3e-3 at 10.
 template <int dim>
 double cook(const Kind& kind, const std::string& law, double E, double nu, double F, double expected,
-            int cells)
+            int cells, double end = 14.0)
 {
   auto config = config_of(dim, law, kind);
   config.material.youngs_modulus = E;
@@ -357,7 +358,7 @@ double cook(const Kind& kind, const std::string& law, double E, double nu, doubl
     x[1] = bottom + x[1] * (top - bottom);
   }
   Solid<dim> solid(config, mesh);
-  const double t_end = 14.0 / omega;
+  const double t_end = end / omega;
   double dt = 0.0;
   for (int k = 0; solid.time() < t_end; ++k)
   {
@@ -392,7 +393,7 @@ TEST_CASE("nothing locks in Cook's nearly incompressible membrane but full integ
 {
   const double nu = 0.4999, E = 240.565, F = 100.0;
   const auto run = [&](const Kind& kind, const char* law)
-  { return cook<2>(kind, law, E, nu, F, 7.0, kind.type == ElementType::triangle3 ? 32 : 16); };
+  { return cook<2>(kind, law, E, nu, F, 7.0, kind.type == ElementType::triangle3 ? 32 : 16, 10.0); };
   const Kind full{ElementType::quadrilateral4, Formulation::full},
       one{ElementType::quadrilateral4, Formulation::one_point},
       mean{ElementType::quadrilateral4, Formulation::locking_free},
