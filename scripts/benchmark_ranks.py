@@ -115,7 +115,7 @@ def solid_section(count):
                          f"{row['messages']:.2g}, {row['bytes'] / 1e3:.3g} | {gain[0]:.2f} | {gain[1]:.2f} |")
     lines += ["", "The efficiency is that of elements at the cut, computed on both sides, and of what ranks take from each other's memory. Interfaces cost no message more: wet nodes are rank 0's, which "
               "has fewer others; it is the limit where they are more than their share (a square of n² elements, wet all round: n/4 ranks; a thin gate: two or three).", "",
-              "A model of more ranks: an inner part of a square or cube of ranks has the elements of its share and half of those of its sides twice, and sends to as many neighbours as it has sides; work per element from "
+              "A model of more ranks: an inner part of a square or cube of ranks has the elements of its share and one more layer on half of its sides, and sends to as many neighbours as it has sides; work per element from "
               f"the table, {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Efficiency of the step, and the part of the halo in it:", "",
               "| ranks | 1e5 Q4 | 1e6 Q4 | 1e6 Hex8 |", "| --- | --- | --- | --- |"]
     for ranks in (4, 16, 64, 256, 1024, 4096):
