@@ -440,7 +440,8 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
                 1, between(1, 256)));
   config.look_every = t.integer({"look_every", "",
                                  "fluid alone: steps between looks at the mesh and at the stable step, which "
-                                 "a coupled run takes once a window; 0: 4 and 8"},
+                                 "a coupled run takes once a window; 0: 4 and 8, and at the step at once "
+                                 "again where it had to fall"},
                                 0, at_least(0));
   return config;
 }

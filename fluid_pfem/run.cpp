@@ -4,7 +4,7 @@
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
-#include "common/time/step_ladder.hpp"
+#include "fluid_pfem/step_looks.hpp"
 
 #include <fmt/format.h>
 
@@ -160,16 +160,19 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
                       const Observer<dim>& observe, const Persistence& persistence)
 {
   const std::int64_t look = fluid.config().look_every;
-  const std::int64_t look_at_mesh_every = look > 0 ? look : 4, look_at_step_every = look > 0 ? look : 8;
-  const StepLadder ladder;
+  const std::int64_t look_at_mesh_every = look > 0 ? look : 4;
+  StepLooks looks{.every = look > 0 ? look : 8, .soon = look == 0};
+  const double& dt = looks.dt;
   StepWatch watch;
-  double t = run.t_begin, dt = 0.0;
+  double t = run.t_begin;
   std::int64_t frames = 1, step = 0;
   const StateVisitor state = [&](StateArchive& archive)
   {
     archive("fluid", fluid);
     archive("t", t);
-    archive("dt", dt);
+    archive("dt", looks.dt);
+    archive("last_look", looks.last);
+    archive("wait_for_look", looks.wait);
     archive("frames", frames);
     archive("step", step);
     archive("largest_step", watch.largest);
@@ -184,8 +187,8 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
     const bool remesh = step > 0 && step % look_at_mesh_every == 0 && fluid.is_distorted();
     if (remesh)
       fluid.remesh();
-    if (remesh || step % look_at_step_every == 0)
-      dt = ladder.next(dt, fluid.critical_time_step());
+    if (remesh || looks.is_due(step))
+      looks.look(step, fluid.critical_time_step());
     const double rest = run.t_end - t;
     const double this_dt =
         rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left

@@ -247,7 +247,7 @@ Survey survey(const Window& advance, std::initializer_list<int> ratios)
 // Why contact that opens and closes takes equal steps (docs/theory.md, 5): the forms that close the interface
 // at half steps are stable at m = 1, where eliminating the force gives the merged mass, and all of them have
 // systems that grow at m > 1. 1e-7: accuracy of the eigenvalues of a defective map.
-TEST_CASE("contact in half steps is stable at equal steps and not with sub-steps", "[coupler][ablation]")
+TEST_CASE("contact in half steps is stable at equal steps and not with sub-steps", "[coupler][ablation][verification]")
 {
   const std::vector<std::pair<std::string, Window>> forms{
       {"mean velocity", mean_velocity},
@@ -266,7 +266,7 @@ TEST_CASE("contact in half steps is stable at equal steps and not with sub-steps
 
 // The theorem (14) for the same bars, and the conserving alternative: with the force linear inside the window
 // its sum is zero, so that no eigenvalue is smaller than one in modulus either.
-TEST_CASE("both integer-time forms are stable with any number of sub-steps", "[coupler][ablation]")
+TEST_CASE("both integer-time forms are stable with any number of sub-steps", "[coupler][ablation][verification]")
 {
   for (const auto& [name, form] :
        {std::pair<std::string, Window>{"GC", gravouil_combescure}, {"Prakash-Hjelmstad", macro_continuity}})

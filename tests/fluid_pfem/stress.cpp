@@ -2,7 +2,7 @@
 // row per scene. FRACTION of the step bound that the scenes run with, 0: a random one of each scene between
 // 0.3 and 1; without it the preset's.
 #include "common/error.hpp"
-#include "common/time/step_ladder.hpp"
+#include "fluid_pfem/step_looks.hpp"
 #include "tests/fluid_pfem/random_scene.hpp"
 
 #include <fmt/format.h>
@@ -39,11 +39,11 @@ StressResult run(std::uint64_t seed, std::int64_t steps, double fraction)
   try
   {
     fluid::Fluid<2> fluid(scene.config);
-    const StepLadder ladder;
+    fluid::StepLooks looks;
+    const double& dt = looks.dt;
     const double first = fluid.critical_time_step(), M = fluid.mass(), start = fluid.energy().total(),
                  g = std::hypot(scene.config.gravity[0], scene.config.gravity[1]),
                  moving = fluid.energy().kinetic + M * g;
-    double dt = 0.0;
     std::int64_t slow = 0;
     result.nodes = fluid.nodes().size();
     for (std::int64_t step = 0; step < steps && result.failure.empty(); ++step)
@@ -51,8 +51,8 @@ StressResult run(std::uint64_t seed, std::int64_t steps, double fraction)
       const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
       if (remesh)
         fluid.remesh();
-      if (remesh || step % 8 == 0)
-        dt = ladder.next(dt, fluid.critical_time_step());
+      if (remesh || looks.is_due(step))
+        looks.look(step, fluid.critical_time_step());
       fluid.predict(dt);
       fluid.solve_free_motion(dt);
       result.steps = step + 1;
