@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace undine::coupler
 {
@@ -65,6 +66,7 @@ void UnilateralContact<dim>::for_each_state(StateArchive& archive)
   archive("mortar", mortar_);
   archive("normal", normal_);
   archive("travel_of_step", travel_of_step_);
+  archive("clearance", clearance_);
   archive("slid", slid_);
   archive("partner", partner_);
   archive("partner_inverse_mass", partner_inverse_mass_);
@@ -99,6 +101,7 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
   active_built_.clear();
   slid_.assign(x_.size(), 0.0);
   search_due_ = true;
+  clearance_ = 0.0;
   dv_fluid_.assign(x_.size(), {});
   find_held();
 }
@@ -201,6 +204,7 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   active_built_.clear();
   reach_ = 2.0 * before_.facet_size();
   search_due_ = true;
+  clearance_ = 0.0;
 }
 
 /// Facets that a node can meet before both together have moved by the reach.
@@ -324,7 +328,8 @@ template <int dim>
 void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held)
 {
   constexpr double margin = 0.05; // of a facet: rows that the impulses of others may close
-  constexpr double repair = 0.02; // of what a node is inside already, per step: no kick from a remesh
+  // Of what a node is inside already, per step. It is work: see theory.md.
+  constexpr double repair = 0.02;
   const auto k = static_cast<std::size_t>(node);
   Row row{.node = node,
           .n = n,
@@ -412,14 +417,9 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
   weights_.clear();
   report_.deepest = 0.0;
   for (std::size_t k = 0; k < x_.size(); ++k)
-  {
     for (int i = 0; i < dim; ++i)
       x_end_[k][i] = x_[k][i] + dt * v[Side::fluid][k * dim + static_cast<std::size_t>(i)];
-    near_[k] = after_.nearest(
-        x_end_[k],
-        std::span<const index_t>(candidates_.data() + candidate_offset_[k],
-                                 static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
-  }
+  find_near();
   find_faces(dt, v);
 
   std::vector<Vec<dim>>& normal = normal_;
@@ -516,14 +516,70 @@ void UnilateralContact<dim>::solve(double dt)
   }
 }
 
+/// Where the fluid's nodes at x_end_ meet the solid's surface after_.
 template <int dim>
-void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<double>, 2>& v,
-                                     std::array<std::vector<double>, 2>& f)
+void UnilateralContact<dim>::find_near()
+{
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    near_[k] = after_.nearest(
+        x_end_[k],
+        std::span<const index_t>(candidates_.data() + candidate_offset_[k],
+                                 static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
+}
+
+/// Nodes without candidates were further away than the reach at the last search.
+template <int dim>
+void UnilateralContact<dim>::measure_clearance()
+{
+  clearance_ = x_.empty() ? std::numeric_limits<double>::max() : reach_ - travelled_;
+  if (!candidates_.empty())
+    for (const Near& near : near_)
+      if (near.facet >= 0)
+        clearance_ = std::min(clearance_, near.gap);
+}
+
+template <int dim>
+std::int64_t UnilateralContact<dim>::flight() const
+{
+  constexpr double most = 4.0, margin = 0.05; // of a facet: as wide as that of rows
+  const double free = clearance_ - margin * 0.5 * reach_;
+  return free > 0.0 ? static_cast<std::int64_t>(std::clamp(free / (4.0 * travel_of_step_), 1.0, most)) : 1;
+}
+
+template <int dim>
+void UnilateralContact<dim>::fly(double time, std::int64_t steps, const std::array<std::vector<double>, 2>& v)
+{
+  const double travel = fastest_travel(time, v);
+  travel_of_step_ = travel / static_cast<double>(steps);
+  find_candidates(travel);
+  rows_.clear();
+  report_.rows = report_.touching = report_.sweeps = 0;
+  report_.residual_gap = report_.deepest = 0.0;
+  for (std::size_t n = 0; n < x_.size(); ++n)
+    for (int i = 0; i < dim; ++i)
+      x_[n][i] += time * v[Side::fluid][n * dim + static_cast<std::size_t>(i)];
+  for (std::size_t n = 0; n < before_.x().size(); ++n)
+    for (int i = 0; i < dim; ++i)
+    {
+      before_.x()[n][i] += time * v[Side::solid][n * dim + static_cast<std::size_t>(i)];
+      solid_mesh_.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
+    }
+  if (!candidates_.empty())
+  {
+    after_.x() = before_.x();
+    x_end_ = x_;
+    find_near();
+  }
+  measure_clearance();
+  balance_.velocity_jump = balance_.displacement_gap = 0.0;
+}
+
+/// Of the fastest nodes of both sides together [m].
+template <int dim>
+double UnilateralContact<dim>::fastest_travel(double time, const std::array<std::vector<double>, 2>& v) const
 {
   double fastest[2] = {0.0, 0.0};
   for (const Side s : both_sides)
-  {
-    f[s].assign(v[s].size(), 0.0);
     for (std::size_t n = 0; n < v[s].size(); n += dim)
     {
       double square = 0.0;
@@ -531,9 +587,17 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
         square += v[s][n + i] * v[s][n + i];
       fastest[s] = std::max(fastest[s], square);
     }
-  }
-  const double travel = dt * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
-  find_candidates(travel);
+  return time * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
+}
+
+template <int dim>
+void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<double>, 2>& v,
+                                     std::array<std::vector<double>, 2>& f)
+{
+  for (const Side s : both_sides)
+    f[s].assign(v[s].size(), 0.0);
+  travel_of_step_ = fastest_travel(dt, v);
+  find_candidates(travel_of_step_);
   report_.rows = report_.touching = report_.sweeps = 0;
   report_.residual_gap = 0.0;
   rows_.clear();
@@ -542,6 +606,7 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
       after_.x()[n][i] = before_.x()[n][i] + dt * v[Side::solid][n * dim + static_cast<std::size_t>(i)];
   if (!candidates_.empty())
     find_rows(dt, v);
+  measure_clearance();
   std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
   if (!rows_.empty())
   {

@@ -77,6 +77,13 @@ public:
   /// @param v free velocities of (fluid, solid) in the middle of the step [m/s]
   void advance(double dt, const std::array<std::vector<double>, 2>& v, std::array<std::vector<double>, 2>& f);
 
+  /// Steps that may go by without an exchange, 1 if contact is near: those in which nothing comes close at
+  /// four times the speed of the last step. At most 4: so often does a fluid alone look at its mesh.
+  std::int64_t flight() const;
+  /// Such steps have gone by.
+  /// @param v mean velocities of (fluid, solid) over `time` [m/s]
+  void fly(double time, std::int64_t steps, const std::array<std::vector<double>, 2>& v);
+
   /// Numbers in a vector of one side.
   std::size_t size(Side side) const { return dim * (side == Side::fluid ? x_.size() : before_.x().size()); }
   const ContactReport& report() const { return report_; }
@@ -103,6 +110,9 @@ private:
   };
   using Near = typename FacetSurface<dim>::Near;
   void find_candidates(double travel);
+  double fastest_travel(double time, const std::array<std::vector<double>, 2>& v) const;
+  void find_near();
+  void measure_clearance();
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
@@ -135,6 +145,7 @@ private:
   std::vector<std::vector<Weight>> mortar_; ///< per fluid node: its row of P; empty: none
   std::vector<Vec<dim>> normal_;            ///< of the fluid's active faces, at nodes
   double travel_of_step_ = 0.0;             ///< of the fastest nodes of both sides [m]
+  double clearance_ = 0.0;                  ///< no node of the fluid is nearer to the solid [m]
   std::vector<double> slid_;                ///< each fluid node since its row was integrated [m]
   std::vector<Row> rows_;
   std::vector<Weight> weights_;

@@ -13,7 +13,7 @@ class ContactScheme : public Scheme
 {
 public:
   ContactScheme(const CouplerConfig& config, const Sides& side)
-      : side_(side), rules_(rules_of(config.coupling)), contact_(meet(config, side))
+      : side_(side), rules_(rules_of(config.coupling)), flight_(config.flight), contact_(meet(config, side))
   {
     rules_.substeps = 1;
     accept_meshes(side_);
@@ -23,14 +23,26 @@ public:
                              .multipliers = static_cast<int>(contact_.solid().n_faces())});
   }
 
-  Order order(Side, const WindowPlanner::Plan&) const override { return {}; }
+  std::int64_t flight() const override { return flight_ ? contact_.flight() : 1; }
 
-  void advance(const WindowPlanner::Plan& plan) override
+  Order order(Side, const WindowPlanner::Plan& plan) const override
+  {
+    return {.steps = plan.flight, .flight = plan.flight > 1};
+  }
+
+  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
   {
     for (const Side s : both_sides)
     {
       v_[s].resize(contact_.size(s));
       side_[s]->receive_free_velocity(v_[s]);
+    }
+    if (plan.flight > 1)
+    {
+      contact_.fly(plan.t_end - plan.t_begin, plan.flight, v_);
+      for (const Side s : both_sides)
+        f_[s].assign(contact_.size(s), 0.0);
+      return;
     }
     contact_.advance(plan.t_end - plan.t_begin, v_, f_);
     for (const Side s : both_sides)
@@ -83,6 +95,7 @@ private:
 
   Sides side_;
   WindowRules rules_;
+  bool flight_;
   UnilateralContact<dim> contact_;
   std::vector<InterfaceReport> interfaces_;
   std::array<std::vector<double>, 2> v_, f_;

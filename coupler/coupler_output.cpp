@@ -80,6 +80,7 @@ void CouplerOutput::observe(const WindowRecord& r)
   {
     ++windows_;
     fine_steps_ += r.plan.steps.m;
+    flown_ += r.plan.flight > 1 ? r.plan.flight : 0;
     substeps_least_ = windows_ == 1 ? r.plan.steps.m : std::min(substeps_least_, r.plan.steps.m);
     substeps_most_ = std::max(substeps_most_, r.plan.steps.m);
   }
@@ -142,6 +143,7 @@ void CouplerOutput::for_each_state(StateArchive& archive)
   archive("substeps_least", substeps_least_);
   archive("substeps_most", substeps_most_);
   archive("fine_steps", fine_steps_);
+  archive("flown", flown_);
   archive("balance", balance_);
   archive("largest_jump", largest_jump_);
   archive("largest_gap", largest_gap_);
@@ -213,6 +215,7 @@ void CouplerOutput::write_summary(const std::string& status) const
   s.set("coupler.substeps_least", substeps_least_);
   s.set("coupler.substeps_most", substeps_most_);
   s.set("coupler.exchanges", fine_steps_ + windows_);
+  s.set("coupler.steps_without_exchange", flown_);
   s.set("coupler.operator_builds", builds_);
   s.set("coupler.factorisations", factorisations_);
   s.set("coupler.fluid_compute_s", compute_[Side::fluid]);

@@ -56,7 +56,7 @@ private:
 
   // for the summary
   double total_at_start_ = 0.0, largest_energy_ = 0.0, total_now_ = 0.0, t_ = 0.0;
-  std::int64_t windows_ = 0, substeps_least_ = 0, substeps_most_ = 0, fine_steps_ = 0;
+  std::int64_t windows_ = 0, substeps_least_ = 0, substeps_most_ = 0, fine_steps_ = 0, flown_ = 0;
   InterfaceBalance balance_;
   double largest_jump_ = 0.0, largest_gap_ = 0.0;
   std::array<double, 2> compute_{}, wait_{};

@@ -3,6 +3,10 @@
 
 #include "common/error.hpp"
 
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <utility>
 
 namespace undine::coupler
@@ -35,6 +39,8 @@ void GravouilCombescure::replace_operator(InterfaceOperator H)
   factorisations_ += H_.factorisations();
   H_ = std::move(H);
   lambda_ = Vector::Zero(H_.n_multipliers());
+  lambda_before_ = lambda_;
+  secants_ = {};
   for (const Side s : both_sides)
   {
     v_[s] = Vector::Zero(H_.n_dofs(s));
@@ -58,6 +64,7 @@ GravouilCombescure::Start GravouilCombescure::activate(const std::array<Vector, 
       1.0, 1.0,
       -(H_.constraint(Side::fluid, a_free[Side::fluid]) + H_.constraint(Side::solid, a_free[Side::solid])));
 
+  lambda_before_ = lambda_;
   Start start;
   for (const Side s : both_sides)
     start_side(s, v[s], Lambda, start);
@@ -143,6 +150,11 @@ void GravouilCombescure::restore(const State& state)
 void GravouilCombescure::for_each_state(StateArchive& archive)
 {
   archive("lambda", lambda_);
+  archive("lambda_before", lambda_before_);
+  archive("secants_of_lambda", secants_.of_lambda);
+  archive("secants_of_jump", secants_.of_jump);
+  archive("secants_dT", secants_.dT);
+  archive("secants_dt", secants_.dt);
   archive("v", v_);
   archive("f", f_);
   archive("travel", travel_);
@@ -181,6 +193,122 @@ void GravouilCombescure::advance(const WindowSteps& steps, Partner& fluid, Partn
   const Vector f_link = H_.force(c, lambda_); // only the last multiplier acts on the coarse side
   coarse.send_link_force(as_span(f_link));
   record_step(c, dT, v_free_end + 0.5 * dT * H_.acceleration(c, f_link), f_link);
+  record_window();
+}
+
+void GravouilCombescure::Secants::learn(const Vector& d_lambda, const Vector& d_jump)
+{
+  constexpr std::size_t most = 12;
+  if (of_jump.size() == most)
+  {
+    of_lambda.erase(of_lambda.begin());
+    of_jump.erase(of_jump.begin());
+  }
+  of_lambda.push_back(d_lambda / d_jump.norm());
+  of_jump.push_back(d_jump / d_jump.norm());
+}
+
+std::pair<Vector, Vector> GravouilCombescure::Secants::predict(const Vector& jump) const
+{
+  Vector known = Vector::Zero(jump.size()), rest = jump;
+  if (of_jump.empty())
+    return {known, rest};
+  Eigen::MatrixXd J(jump.size(), static_cast<Eigen::Index>(of_jump.size()));
+  for (std::size_t k = 0; k < of_jump.size(); ++k)
+    J.col(static_cast<Eigen::Index>(k)) = of_jump[k];
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(J.rows(), J.cols());
+  qr.setThreshold(1e-6);
+  const Vector weight = qr.compute(J).solve(jump);
+  for (std::size_t k = 0; k < of_jump.size(); ++k)
+    known += weight[static_cast<Eigen::Index>(k)] * of_lambda[k];
+  return {known, rest - J * weight};
+}
+
+void GravouilCombescure::advance_macro(const WindowSteps& steps, Partner& fluid, Partner& solid,
+                                       const std::function<void(bool trial)>& again)
+{
+  constexpr int most = 50;
+  constexpr double small = 1e-10, learnt = 1e-7; // of the largest velocity
+  const Side c = steps.coarse(), q = steps.fine;
+  Partner& coarse = c == Side::fluid ? fluid : solid;
+  Partner& fine = q == Side::fluid ? fluid : solid;
+  const double dT = steps.coarse_dt, dt = steps.fine_dt();
+  Vector v_coarse(H_.n_dofs(c)), v_fine(H_.n_dofs(q));
+  coarse.receive_free_velocity(as_span(v_coarse));
+
+  const Vector begin = lambda_;
+  const auto run = [&](const Vector& end, bool trial)
+  {
+    for (std::int64_t j = 1; j <= steps.m; ++j)
+    {
+      const double s = static_cast<double>(j) / static_cast<double>(steps.m);
+      fine.receive_free_velocity(as_span(v_fine));
+      const Vector f_link = H_.force(q, (1.0 - s) * begin + s * end);
+      fine.send_link_force(as_span(f_link));
+      v_fine += 0.5 * dt * H_.acceleration(q, f_link);
+      if (!trial)
+        record_step(q, dt, v_fine, f_link);
+    }
+  };
+  if (secants_.dT != dT || secants_.dt != dt)
+    secants_ = {.dT = dT, .dt = dt};
+  lambda_ = 2.0 * begin - lambda_before_;
+  lambda_before_ = begin;
+  Vector last_lambda, last_jump;
+  for (int trial = 1;; ++trial)
+  {
+    run(lambda_, true);
+    const Vector v_end = v_coarse + 0.5 * dT * H_.acceleration(c, H_.force(c, lambda_));
+    const Vector jump = H_.constraint(c, v_end) + H_.constraint(q, v_fine);
+    const double left = H_.largest_jump(jump),
+                 scale = std::max(v_end.lpNorm<Eigen::Infinity>(), v_fine.lpNorm<Eigen::Infinity>());
+    if (left <= small * scale)
+      break;
+    if (trial == most)
+      throw NumericalError(fmt::format(
+          "coupling.form = \"macro_continuity\": after {} trials of the window the velocities of "
+          "both sides still differ by {:.3g} m/s ({:.3g} m/s at most), expected {:.1g} of it: the "
+          "fine side does not answer linearly, or the interface has too many multipliers ({}); use "
+          "form = \"gravouil_combescure\"",
+          most, left, scale, small, H_.n_multipliers()));
+    if (trial > 1 && H_.largest_jump(jump - last_jump) > learnt * scale)
+      secants_.learn(lambda_ - last_lambda, jump - last_jump);
+    last_lambda = lambda_;
+    last_jump = jump;
+    // The operator of [13] is a little too stiff for the fine side; what the secants know is better.
+    const auto [known, rest] = secants_.predict(jump);
+    lambda_ -= known + H_.solve(0.5 * steps.dt(Side::fluid), 0.5 * steps.dt(Side::solid), rest);
+    again(true);
+  }
+  again(false);
+  run(lambda_, false);
+  const Vector f_link = H_.force(c, lambda_);
+  coarse.send_link_force(as_span(f_link));
+  record_step(c, dT, v_coarse + 0.5 * dT * H_.acceleration(c, f_link), f_link);
+  record_window();
+}
+
+void GravouilCombescure::advance_half_step(double dt, Partner& fluid, Partner& solid)
+{
+  const std::array<Partner*, 2> side{&fluid, &solid};
+  std::array<Vector, 2> v;
+  for (const Side s : both_sides)
+  {
+    v[s].resize(H_.n_dofs(s));
+    side[s]->receive_free_velocity(as_span(v[s]));
+  }
+  lambda_ = H_.solve(
+      dt, dt, -(H_.constraint(Side::fluid, v[Side::fluid]) + H_.constraint(Side::solid, v[Side::solid])));
+  for (const Side s : both_sides)
+  {
+    f_[s] = H_.force(s, lambda_);
+    side[s]->send_link_force(as_span(f_[s]));
+    v_[s] = v[s] + dt * H_.acceleration(s, f_[s]);
+    travel_[s] += dt * v_[s];
+    impulse_[s] += dt * resultant(f_[s], dim_);
+    window_force_[s] = dt * f_[s];
+    window_time_[s] = dt;
+  }
   record_window();
 }
 

@@ -20,7 +20,10 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
+#include <utility>
+#include <vector>
 
 namespace undine::coupler
 {
@@ -75,6 +78,20 @@ public:
   /// One window. The partners are asked in the order of the scheme; the coarse side is served last.
   void advance(const WindowSteps& steps, Partner& fluid, Partner& solid);
 
+  /// One window continuous at its end only, the force linear in time inside it (Prakash & Hjelmstad 2004):
+  /// no energy is lost. The force at the end is found by trials of the fine side, whose answer to it is
+  /// nearly linear.
+  /// @param again the fine side goes back to the window's begin and runs it once more, `trial`: not for good;
+  /// the fine side comes to this function on trial already
+  /// @throws NumericalError if 50 trials leave a velocity jump above 1e-10 of the largest velocity
+  void advance_macro(const WindowSteps& steps, Partner& fluid, Partner& solid,
+                     const std::function<void(bool trial)>& again);
+
+  /// One step `dt` of both sides, in whose middle they exchange: velocities at half steps meet, so the gap
+  /// of the positions stays what it was. The works are those that the sides report (set_work).
+  void advance_half_step(double dt, Partner& fluid, Partner& solid);
+  void set_work(Side side, double work) { balance_.work[side] = work; }
+
   /// For a solid that takes forces and returns velocities (level A), here as a body of infinite mass whose
   /// velocity is given: the multiplier moves the fluid along.
   /// Start: impulse and link force of the fluid; the solid's is minus it.
@@ -118,6 +135,21 @@ private:
 
   InterfaceOperator H_;
   int dim_;
+  /// What changes of the multiplier have made of the velocity jump at the window's end: macro continuity
+  /// learns the answer of the fine side from it.
+  struct Secants
+  {
+    std::vector<Vector> of_lambda, of_jump;
+    double dT = 0.0, dt = 0.0; ///< steps they belong to [s]
+
+    void learn(const Vector& d_lambda, const Vector& d_jump);
+    /// The change of the multiplier that makes the jump, as far as changes seen so far combine to it, and the
+    /// rest of the jump.
+    std::pair<Vector, Vector> predict(const Vector& jump) const;
+  };
+
+  Secants secants_;
+  Vector lambda_before_; ///< multiplier at the begin of the last window, for macro continuity
   Vector lambda_;
   std::array<Vector, 2> v_;      ///< total velocity of each side at the last synchronised time
   std::array<Vector, 2> f_;      ///< link force of each side at that time

@@ -7,7 +7,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <tuple>
 
 namespace
 {
@@ -36,6 +38,15 @@ void require_level(const CouplingConfig& coupling, const link::World& world)
           "separation = true needs participants that exchange in the middle of the step (capability "
           "\"contact\"), but 'fluid' is (" +
           world.solver_of("fluid") + ") and " + named(solid) + "; write separation = false");
+    for (const auto& [form, bit, need] :
+         {std::tuple{"macro_continuity", link::capability::rewind,
+                     "participants that run a window on trial (capability \"rewind\")"},
+          std::tuple{"half_step", link::capability::contact,
+                     "participants that exchange in the middle of the step (capability \"contact\")"}})
+      if (coupling.form == form && !(can("fluid", bit) && can(solid, bit)))
+        throw InputError(
+            fmt::format("coupling.form = \"{}\" needs {}, but 'fluid' is ({}) and {}; leave form out", form,
+                        need, world.solver_of("fluid"), named(solid)));
     if (scheme == "staggered" && !can(solid, link::capability::force_in))
       throw InputError("coupling.scheme = \"staggered\" is for a solid that takes forces (level A), but " +
                        named(solid) + " gives free velocities (level B); write coupling.scheme = \"gc\"");
@@ -77,6 +88,9 @@ ExitCode start(Launch& launch)
 
   coupler::CouplerConfig config{
       .run = launch.run, .coupling = launch.coupling, .frame_interval = launch.output.frame_interval};
+  config.flight = std::all_of(roles.begin(), roles.end(),
+                              [&](const std::string& role)
+                              { return (world.capabilities_of(role) & link::capability::flight) != 0; });
   if (launch.restart)
   {
     config.restart = launch.restart->folder;

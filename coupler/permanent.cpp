@@ -51,7 +51,7 @@ public:
     return {.steps = fine ? plan.steps.m : 1, .fine = fine, .activate = start_compatibly_};
   }
 
-  void advance(const WindowPlanner::Plan& plan) override
+  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
   {
     if (start_compatibly_)
       activate();
@@ -59,7 +59,7 @@ public:
     gc_.advance(plan.steps, *side_[Side::fluid], *side_[Side::solid]);
   }
 
-private:
+protected:
   /// Compatible velocities and accelerations on both sides; see GravouilCombescure::activate.
   void activate()
   {
@@ -70,12 +70,83 @@ private:
       v[s] = as_vector(k.v);
       a_free[s] = as_vector(k.a_free);
     }
-    const auto start = gc_.activate(v, a_free);
+    start_ = gc_.activate(v, a_free);
     for (const Side s : both_sides)
-      side_[s]->send_activation(
-          {.impulse = as_std(start.impulse[s]), .link_force = as_std(start.link_force[s])});
+      side_[s]->send_activation(start_of(s));
+  }
+  link::Activation start_of(Side s) const
+  {
+    return {.impulse = as_std(start_.impulse[s]), .link_force = as_std(start_.link_force[s])};
   }
 
+private:
+  WindowRules rules_;
+  GravouilCombescure::Start start_; ///< of this window, if it has one
+};
+
+/// The same, continuous at the ends of windows only.
+class MacroContinuity : public OwnSteps
+{
+public:
+  using OwnSteps::OwnSteps;
+
+  Order order(Side side, const WindowPlanner::Plan& plan) const override
+  {
+    Order order = OwnSteps::order(side, plan);
+    order.trial = order.fine;
+    return order;
+  }
+
+  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) override
+  {
+    Group& fine = *side_[plan.steps.fine];
+    link::Window order = orders[plan.steps.fine];
+    if (order.activate)
+      activate();
+    start_compatibly_ = false;
+    gc_.advance_macro(plan.steps, *side_[Side::fluid], *side_[Side::solid],
+                      [&](bool trial)
+                      {
+                        fine.receive_report(); // of the trial that is over
+                        order.trial = trial;
+                        fine.send_window(order);
+                        if (!order.activate)
+                          return;
+                        fine.receive_kinematics();
+                        fine.send_activation(start_of(plan.steps.fine));
+                      });
+  }
+};
+
+/// One step of both sides per window, the surfaces meet in its middle.
+class HalfStep : public PermanentScheme
+{
+public:
+  HalfStep(const CouplerConfig& config, const Sides& side)
+      : PermanentScheme(config, side, {link::contact_scheme, link::contact_scheme}),
+        rules_(rules_of(config.coupling))
+  {
+    rules_.substeps = 1;
+    accept_meshes(side_);
+  }
+
+  WindowRules rules() const override { return rules_; }
+  Order order(Side, const WindowPlanner::Plan&) const override { return {}; }
+
+  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
+  {
+    gc_.advance_half_step(plan.t_end - plan.t_begin, *side_[Side::fluid], *side_[Side::solid]);
+  }
+
+  std::array<link::Report, 2> end_window() override
+  {
+    const auto report = PermanentScheme::end_window();
+    for (const Side s : both_sides)
+      gc_.set_work(s, report[s].interface_work);
+    return report;
+  }
+
+private:
   WindowRules rules_;
 };
 
@@ -121,6 +192,10 @@ void PermanentScheme::for_each_state(StateArchive& archive)
 
 std::unique_ptr<Scheme> meet_permanent(const CouplerConfig& config, const Sides& side)
 {
+  if (config.coupling.form == "half_step")
+    return std::make_unique<HalfStep>(config, side);
+  if (config.coupling.form == "macro_continuity")
+    return std::make_unique<MacroContinuity>(config, side);
   return std::make_unique<OwnSteps>(config, side);
 }
 

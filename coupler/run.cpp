@@ -177,22 +177,26 @@ std::int64_t run(const CouplerConfig& config, Group& fluid, Group& solid,
 
   while (!planner.finished())
   {
-    plan = planner.next(report[Side::fluid].stable_dt, report[Side::solid].stable_dt);
+    plan = planner.next(report[Side::fluid].stable_dt, report[Side::solid].stable_dt, scheme->flight());
     const bool frame = frame_is_due(config, plan, frames);
     frames += frame;
+    std::array<link::Window, 2> orders;
     for (const Side s : both_sides)
     {
       const Scheme::Order order = scheme->order(s, plan);
-      side[s]->send_window({.index = plan.index,
-                            .t_begin = plan.t_begin,
-                            .t_end = plan.t_end,
-                            .steps = order.steps,
-                            .fine = order.fine,
-                            .activate = order.activate,
-                            .output = frame,
-                            .last = plan.last});
+      orders[s] = {.index = plan.index,
+                   .t_begin = plan.t_begin,
+                   .t_end = plan.t_end,
+                   .steps = order.steps,
+                   .fine = order.fine,
+                   .activate = order.activate,
+                   .output = frame,
+                   .last = plan.last,
+                   .trial = order.trial,
+                   .flight = order.flight};
+      side[s]->send_window(orders[s]);
     }
-    scheme->advance(plan);
+    scheme->advance(plan, orders);
     ++windows;
     report = scheme->end_window();
     record();

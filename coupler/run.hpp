@@ -21,6 +21,7 @@ struct CouplerConfig
   double frame_interval = 0.0; ///< [s]; 0: only the first and the last frame
   std::string restart;         ///< folder of the checkpoint to continue from, or empty
   double t_start = 0.0;        ///< time of that checkpoint [s]
+  bool flight = true;          ///< all participants offer capability::flight
 };
 
 /// State after a window, for output and tests.

@@ -32,10 +32,15 @@ public:
     std::int64_t steps = 1; ///< of that side
     bool fine = true;       ///< it exchanges in every step
     bool activate = false;  ///< KINEMATICS and ACTIVATION_IMPULSE come first
+    bool trial = false;     ///< it goes back to the window's begin afterwards
+    bool flight = false;    ///< it does not exchange in its steps
   };
+  /// Coarse steps that may go by without an exchange.
+  virtual std::int64_t flight() const { return 1; }
   virtual Order order(Side side, const WindowPlanner::Plan& plan) const = 0;
   /// The exchanges of one window.
-  virtual void advance(const WindowPlanner::Plan& plan) = 0;
+  /// @param orders as sent to both sides
+  virtual void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) = 0;
   /// Both sides report; surfaces that have moved or changed are taken over.
   virtual std::array<link::Report, 2> end_window() = 0;
 
@@ -51,7 +56,8 @@ public:
 };
 
 /// SETUP to all, wet surfaces from all, MESH_REPLY; what remains are the first reports.
-/// Surfaces that stay together, Gravouil-Combescure with a step of each side's own.
+/// Surfaces that stay together: Gravouil-Combescure with a step of each side's own, or another
+/// `coupling.form`.
 /// @throws InputError if the surfaces do not meet (all participants are told), ProtocolError
 std::unique_ptr<Scheme> meet_permanent(const CouplerConfig& config, const Sides& side);
 

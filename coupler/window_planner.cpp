@@ -26,7 +26,7 @@ WindowPlanner::WindowPlanner(const WindowRules& rules, double t_begin, double t_
 {
 }
 
-WindowPlanner::Plan WindowPlanner::next(double stable_dt_fluid, double stable_dt_solid)
+WindowPlanner::Plan WindowPlanner::next(double stable_dt_fluid, double stable_dt_solid, std::int64_t flight)
 {
   require(!finished_, "no window after t_end");
   if (!(stable_dt_fluid > 0.0 && stable_dt_solid > 0.0))
@@ -68,8 +68,9 @@ WindowPlanner::Plan WindowPlanner::next(double stable_dt_fluid, double stable_dt
   Plan plan;
   plan.index = index_++;
   plan.t_begin = t_;
-  ++since_anchor_;
-  --left_;
+  plan.flight = std::min(flight, left_);
+  since_anchor_ += plan.flight;
+  left_ -= plan.flight;
   plan.last = left_ == 0;
   t_ = plan.last ? t_end_ : anchor_ + static_cast<double>(since_anchor_) * dT_;
   plan.t_end = t_;

@@ -35,11 +35,13 @@ public:
     std::int64_t index = 0;
     double t_begin = 0.0, t_end = 0.0;
     WindowSteps steps;
+    std::int64_t flight = 1; ///< coarse steps that the window has, without exchange if more than one
     bool last = false;
   };
 
   /// The next window, given the largest step each side can take (safety factor included) [s].
-  Plan next(double stable_dt_fluid, double stable_dt_solid);
+  /// @param flight at most so many coarse steps
+  Plan next(double stable_dt_fluid, double stable_dt_solid, std::int64_t flight = 1);
   bool finished() const { return finished_; }
   double time() const { return t_; }
   /// t_end is not part of it: a restart may go on for longer.

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 namespace undine::fluid
 {
@@ -85,8 +86,9 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
 
   const link::Setup setup = link.receive_setup();
   require_same_restart(persistence, setup);
-  const bool in_contact = setup.scheme == link::contact_surface_scheme;
-  if (in_contact)
+  const bool sees_solid = setup.scheme == link::contact_surface_scheme;
+  const bool in_the_middle = sees_solid || setup.scheme == link::contact_scheme;
+  if (sees_solid)
   {
     const link::SurfaceMesh solid = link.receive_surface();
     if (!persistence.restarts())
@@ -111,12 +113,29 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
       stop_asked = true;
     }
     const double dt = window->dt();
+    std::optional<StateArchive> at_begin;
+    if (window->trial)
+      state(at_begin.emplace());
     if (window->activate)
     {
       link.send_kinematics(fluid.kinematics());
       fluid.apply_activation(link.receive_activation());
     }
-    if (in_contact) // the exchange is in the middle of the step
+    if (window->flight)
+    {
+      std::vector<double> mean(fluid.interface_velocity().size(), 0.0);
+      for (std::int64_t j = 0; j < window->steps; ++j)
+      {
+        fluid.predict_velocity(dt);
+        const auto v = fluid.interface_velocity();
+        for (std::size_t k = 0; k < mean.size(); ++k)
+          mean[k] += v[k] / static_cast<double>(window->steps);
+        fluid.predict_position(dt);
+        fluid.solve_free_motion(dt);
+      }
+      link.send_free_velocity(mean);
+    }
+    else if (in_the_middle) // of the step is the exchange
     {
       fluid.predict_velocity(dt);
       link.send_free_velocity(fluid.interface_velocity());
@@ -125,7 +144,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
       fluid.predict_position(dt);
       fluid.solve_free_motion(dt);
     }
-    for (std::int64_t j = 0; j < window->steps && !in_contact; ++j)
+    for (std::int64_t j = 0; j < window->steps && !in_the_middle; ++j)
     {
       fluid.predict(dt);
       fluid.solve_free_motion_of_interface(dt);
@@ -134,13 +153,20 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
       link.receive_link_force(f_link);
       fluid.correct_with_link(f_link, dt);
     }
+    if (at_begin)
+    {
+      at_begin->read_back();
+      state(*at_begin);
+      report(false);
+      continue;
+    }
     observe(window->t_end, fluid, window->output);
 
     const bool remesh = !window->last && fluid.is_distorted();
-    if (remesh && !in_contact)
+    if (remesh && !sees_solid)
       fluid.remesh();
     report(remesh);
-    if (remesh && in_contact)
+    if (remesh && sees_solid)
     {
       fluid.meet_solid(link.receive_surface());
       fluid.remesh();
@@ -150,7 +176,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
       f_link.resize(fluid.interface_velocity().size());
       link.send_mesh_update(fluid.wet_surface());
     }
-    if (remesh && in_contact)
+    if (remesh && sees_solid)
       report(false);
   }
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What each part of the coupling buys: equal steps against sub-cycled, exact against lumped multipliers, conventional staggering.
+"""What each part of the coupling buys: equal steps against sub-cycled, exact against lumped multipliers, forms of the window, conventional staggering.
 
     scripts/benchmark coupling_ablation [--repeat 3]
 
@@ -52,7 +52,10 @@ def main():
 
     def grid(steps):
         return {(f"m = {m}" if m else "m as the stable steps ask") + f", {operator}":
-                [f"coupling.operator={operator}"] + ([f"coupling.substeps={m}"] if m else []) for m in steps for operator in ("exact", "lumped")}
+                [f"coupling.operator={operator}"] + ([f"coupling.substeps={m}"] if m else []) for m in steps for operator in ("exact", "lumped")} | \
+               {"m = 1, half steps": ["coupling.form=half_step"]} | \
+               {(f"m = {m}" if m else "m as the stable steps ask") + ", continuity at the windows' ends":
+                ["coupling.form=macro_continuity"] + ([f"coupling.substeps={m}"] if m else []) for m in steps if m != 1}
     with tempfile.TemporaryDirectory() as name:
         tables = {
             "elastic column, 10 elements, linear: L2 of the interface displacement against the exact modal solution":
@@ -63,13 +66,13 @@ def main():
 
     lines = ["# What each part of the coupling buys", "",
              f"`scripts/benchmark coupling_ablation`. Computing: seconds of fluid and solid without waiting, medians of {arguments.repeat} runs that took turns.",
-             "m: fine steps per window, 1: equal steps. Lumped: `coupling.operator = \"lumped\"`. Loss: work of the link on both sides over the largest on one.", ""]
+             "m: fine steps per window, 1: equal steps. Lumped: `coupling.operator = \"lumped\"`; half steps and continuity at the windows' ends: `coupling.form`. Loss: work of the link on both sides over the largest on one.", ""]
     figure, axes = plt.subplots(figsize=(7, 4.5), constrained_layout=True)
     for (text, rows), marker in zip(tables.items(), "os"):
         lines += [f"**{text}**", "", "| coupling | relative error | computing [s] | windows | m | largest gap [m] | largest velocity jump [m/s] | loss |",
                   "| --- | --- | --- | --- | --- | --- | --- | --- |"]
         lines += [f"| {n} | {e:.3e} | {c:.2g} | {w} | {m} | {gap:.1e} | {jump:.1e} | {loss:.1e} |" for n, e, c, w, m, gap, jump, loss in rows] + [""]
-        for operator, style in (("exact", "-"), ("lumped", ":")):
+        for operator, style in (("exact", "-"), ("lumped", ":"), ("ends", "--")):
             chosen = [r for r in rows if r[0].endswith(operator)]
             axes.loglog([r[2] for r in chosen], [r[1] for r in chosen], marker + style, label=f"{text.split(',')[0]}, {operator}")
     lines += ["**Conventional staggering**, two glued bars, equal steps: largest velocity of the interface within 200 steps (stopped beyond 1e6 m/s) after a disturbance of 1e-3 m/s "

@@ -84,13 +84,22 @@ def copies(part, edges, ranks):
     return len(np.unique(both[cut, 0].astype(np.int64) * ranks + part[both[cut, 1]]))
 
 
+def solid_model(seconds, n, dim, ranks):
+    """(work, halo) seconds per step of a rank inside a square or cube of ranks; `seconds` per element."""
+    if ranks == 1:
+        return seconds * n, 0.0
+    side = (n / ranks) ** ((dim - 1) / dim)  # elements along one side of a part
+    return seconds * (n / ranks + dim * side), 2 * dim * (LATENCY + 8 * dim * side / BANDWIDTH)
+
+
 def solid_section(count):
     """Efficiency of two ranks of the solid, from alternating runs."""
     lines = [SOLID, "", "Each rank computes the elements of its nodes (METIS); displacements of copied nodes travel once a step ([theory](../theory.md)). Milliseconds per step of the slowest rank: processor time without "
              f"waiting, and the clock on the wall; medians of blocks of 20 steps and of {count} alternating runs; the efficiency is the median of the pairs. Load of the machine: {os.getloadavg()[1]:.1f} on "
-             f"{os.cpu_count()} cores before.", "",
+             f"{os.cpu_count()} cores before; the clock on the wall says something where it was below 1.", "",
              "| solid | elements | wet nodes | ranks | step | imbalance | wall | one look at the bound | halo: messages, kB per step | efficiency of the step | on the wall |",
              "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
+    per_element = {}
     for name, words in SOLIDS:
         rows = {1: [], 2: []}
         for _ in range(count):
@@ -99,10 +108,24 @@ def solid_section(count):
                 rows[ranks].append(json.loads(subprocess.run(line, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout))
         for ranks, of in rows.items():
             row = {k: statistics.median(r[k] for r in of) for k in of[0]}
+            if ranks == 1:
+                per_element.setdefault(words[:5], row["step_s"] / row["elements"])
             gain = [statistics.median(one[k] / ranks / some[k] for one, some in zip(rows[1], of)) for k in ("step_s", "wall_s")]
             lines.append(f"| {name} | {row['elements']:.0f} | {row['wet']:.0f} | {ranks} | {1e3 * row['step_s']:.3g} | {100 * row['imbalance']:.2g} % | {1e3 * row['wall_s']:.3g} | {1e3 * row['look_s']:.3g} | "
                          f"{row['messages']:.2g}, {row['bytes'] / 1e3:.3g} | {gain[0]:.2f} | {gain[1]:.2f} |")
-    return lines + ["", "Made by `scripts/benchmark ranks --solid`.", ""]
+    lines += ["", "The efficiency is that of elements at the cut, computed on both sides, and of what ranks take from each other's memory. Interfaces cost no message more: wet nodes are rank 0's, which "
+              "has fewer others; it is the limit where they are more than their share (a square of n² elements, wet all round: n/4 ranks; a thin gate: two or three).", "",
+              "A model of more ranks: an inner part of a square or cube of ranks has the elements of its share and one more layer on half of its sides, and sends to as many neighbours as it has sides; work per element from "
+              f"the table, {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Efficiency of the step, and the part of the halo in it:", "",
+              "| ranks | 1e5 Q4 | 1e6 Q4 | 1e6 Hex8 |", "| --- | --- | --- | --- |"]
+    for ranks in (4, 16, 64, 256, 1024, 4096):
+        cells = []
+        for n, dim, kind in ((1e5, 2, "plane"), (1e6, 2, "plane"), (1e6, 3, "space")):
+            work, halo = solid_model(per_element[kind], n, dim, ranks)
+            cells.append(f"{per_element[kind] * n / ranks / (work + halo):.2f}, {100 * halo / (work + halo):.2g} %")
+        lines.append(f"| {ranks} | " + " | ".join(cells) + " |")
+    return lines + ["", "The step is not what limits: every rank makes the whole solid at the start (10 us per Q4, once) and holds the rows of all nodes (200 bytes in the plane, 300 in space), and frames and checkpoints pass "
+                    "through all ranks. So 1e7 elements or some hundred ranks are the largest sensible run; beyond, a rank must be made from its part of the mesh.", "", "Made by `scripts/benchmark ranks --solid`.", ""]
 
 
 def metis(n, edges, ranks):

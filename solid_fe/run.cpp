@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace undine::solid
 {
@@ -256,6 +257,9 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
     if (!window)
       break;
 
+    std::optional<StateArchive> at_begin;
+    if (window->trial)
+      state(at_begin.emplace());
     solid.set_time(window->t_begin);
     if (window->activate)
     {
@@ -263,7 +267,21 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
       solid.apply_activation(link.receive_activation());
     }
     const double dt = window->dt();
-    if (in_contact) // the exchange is in the middle of the step
+    if (window->flight)
+    {
+      std::vector<double> mean(f_link.size(), 0.0);
+      for (std::int64_t j = 0; j < window->steps; ++j)
+      {
+        solid.predict_velocity(dt);
+        const auto v = solid.interface_velocity();
+        for (std::size_t k = 0; k < mean.size(); ++k)
+          mean[k] += v[k] / static_cast<double>(window->steps);
+        solid.predict_position(dt);
+        solid.solve_free_motion(dt);
+      }
+      link.send_free_velocity(mean);
+    }
+    else if (in_contact) // the exchange is in the middle of the step
     {
       solid.predict_velocity(dt); // v ← v + Δt/2 a
       link.send_free_velocity(solid.interface_velocity());
@@ -287,6 +305,12 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
         link.receive_link_force(f_link);
         solid.correct_with_link(f_link, dt); // a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f
       }
+    }
+    if (at_begin)
+    {
+      at_begin->read_back();
+      state(*at_begin);
+      continue;
     }
     ++result.windows;
     energies = solid.energies();

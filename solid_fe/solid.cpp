@@ -582,12 +582,12 @@ void Solid<dim>::count_works(double dt)
   const auto add = [&](std::vector<double>& work, double sign, const std::vector<Vec<dim>>& F,
                        const std::vector<Vec<dim>>& F_old)
   {
-    share_.for_own(0, F.size(),
-                   [&](std::size_t n)
-                   {
-                     const auto way = n < step_of_wet_.size() ? step_of_wet_[n] : dt * nodes_.v[n];
-                     work[n] += sign * 0.5 * dot(F[n] + F_old[n], way);
-                   });
+    const auto of_step = std::min(F.size(), step_of_wet_.size());
+    const double half = 0.5 * sign;
+    share_.for_own(0, of_step,
+                   [&](std::size_t n) { work[n] += half * dot(F[n] + F_old[n], step_of_wet_[n]); });
+    share_.for_own(of_step, F.size(),
+                   [&](std::size_t n) { work[n] += half * dt * dot(F[n] + F_old[n], nodes_.v[n]); });
   };
   add(viscous_work_, 1.0, F_viscous_, F_viscous_old_);
   add(contact_work_, -1.0, F_contact_, F_contact_old_);

@@ -53,6 +53,16 @@ CouplingConfig read_coupling(const CaseFile& file)
                "gc", {"gc", "staggered"});
   if (config.scheme == "staggered" && config.has_contact())
     t.fail("scheme", "separation = true needs a solid that gives free velocities; write scheme = \"gc\"");
+  config.form = t.choice(
+      {"form", "",
+       "of the window where the surfaces stay together; gravouil_combescure: they meet in every fine step; "
+       "macro_continuity: at the window's end only, which loses no energy and runs the fine side several "
+       "times; half_step: in the middle of equal steps, as contact does"},
+      "gravouil_combescure", {"gravouil_combescure", "macro_continuity", "half_step"});
+  if (config.form != "gravouil_combescure" && (config.scheme == "staggered" || config.has_contact()))
+    t.fail("form", config.has_contact()
+                       ? "separation = true has a form of its own, that of half steps; leave form out"
+                       : "a solid that takes forces only knows no other form; leave form out");
   config.lumped =
       t.choice({"operator", "",
                 "exact: velocities meet; lumped: row sums of the interface operator, without a factor, "
@@ -62,6 +72,9 @@ CouplingConfig read_coupling(const CaseFile& file)
     t.fail("operator",
            "only the coupling of surfaces that stay together (scheme = \"gc\", separation = false) can "
            "be lumped; write operator = \"exact\"");
+  if (config.lumped && config.form == "macro_continuity")
+    t.fail("operator", "form = \"macro_continuity\" finds multipliers by trial, whatever the operator; write "
+                       "operator = \"exact\"");
   for (const InterfaceConfig& i : config.interfaces)
     if (i.separation != config.has_contact())
       t.fail("", "interface '" + i.name +
@@ -78,6 +91,9 @@ CouplingConfig read_coupling(const CaseFile& file)
   else
     t.choice({"substeps", "", "fine steps per window; \"auto\": as many as the stable steps ask for"}, "auto",
              {"auto"});
+  if (config.form == "half_step" && config.substeps.value_or(1) != 1)
+    t.fail("substeps",
+           "form = \"half_step\" is stable at equal steps only; write substeps = 1 or leave it out");
   config.substeps_max = t.integer({"substeps_max", "", "most fine steps per window"}, 300, at_least(1));
   config.dt_max = t.number({"dt_max", "s", "longest window; 0: no limit"}, 0.0, non_negative());
   config.search_distance = t.number(

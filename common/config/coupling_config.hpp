@@ -32,9 +32,10 @@ struct CouplingConfig
   std::vector<InterfaceConfig> interfaces;
   std::vector<std::string> solids = {"solid"}; ///< names, each the role of a program
   std::string scheme = "gc";
-  bool lumped = false;                  ///< the interface operator by its row sums
-  std::string fine = "auto";            ///< "auto" | "fluid" | "solid"
-  std::optional<std::int64_t> substeps; ///< nothing: "auto"
+  std::string form = "gravouil_combescure"; ///< of the window: | "macro_continuity" | "half_step"
+  bool lumped = false;                      ///< the interface operator by its row sums
+  std::string fine = "auto";                ///< "auto" | "fluid" | "solid"
+  std::optional<std::int64_t> substeps;     ///< nothing: "auto"
   std::int64_t substeps_max = 300;
   double dt_max = 0.0;          ///< [s], 0 = no limit
   double search_distance = 0.0; ///< [m], 0 = automatic

@@ -41,6 +41,8 @@ inline constexpr std::uint64_t force_in =
     1u << 0; ///< level A: takes nodal forces, returns positions and velocities
 inline constexpr std::uint64_t link = 1u << 1;    ///< level B: returns free velocities, takes link forces
 inline constexpr std::uint64_t contact = 1u << 2; ///< level B with the exchange in the middle of the step
+inline constexpr std::uint64_t rewind = 1u << 3;  ///< level B: runs a window on trial (Window::trial)
+inline constexpr std::uint64_t flight = 1u << 4;  ///< contact: runs steps without exchange (Window::flight)
 } // namespace capability
 
 struct Hello

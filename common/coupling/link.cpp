@@ -260,7 +260,7 @@ public:
   void learn(MessageType, const Window& window)
   {
     window_ = window;
-    exchanges_ = window.fine ? window.steps : 1;
+    exchanges_ = window.fine && !window.flight ? window.steps : 1;
     exchange_ = 0;
   }
 
@@ -313,7 +313,7 @@ public:
       state_ = State::free_velocity;
       break;
     case MessageType::free_velocity:
-      state_ = State::link_force;
+      state_ = window_.flight ? State::report : State::link_force;
       break;
     case MessageType::link_force:
       ++exchange_;

@@ -93,6 +93,13 @@ struct Window
   bool activate = false;  ///< KINEMATICS / ACTIVATION_IMPULSE precede the first step
   bool output = false;    ///< write a frame at t_end
   bool last = false;      ///< the run ends at t_end
+  /// At t_end the participant reports and goes back to the state it had when this order came; nothing is
+  /// written. For participants that offer capability::rewind.
+  bool trial = false;
+  /// Nothing can touch: no exchange in the steps; after the last one FREE_VELOCITY is the mean velocity of
+  /// the wet nodes over the window, and no LINK_FORCE comes. With the contact schemes, for participants that
+  /// offer capability::flight.
+  bool flight = false;
 
   double dt() const { return (t_end - t_begin) / static_cast<double>(steps); }
 };

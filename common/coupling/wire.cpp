@@ -474,7 +474,7 @@ void write(Writer& out, const Window& w)
   out.f64(w.t_begin);
   out.f64(w.t_end);
   out.i64(w.steps);
-  out.u8(w.fine ? 1 : 0);
+  out.u8(static_cast<std::uint8_t>((w.fine ? 1 : 0) | (w.trial ? 2 : 0) | (w.flight ? 4 : 0)));
   out.u8(w.activate ? 1 : 0);
   out.u8(w.output ? 1 : 0);
   out.u8(w.last ? 1 : 0);
@@ -487,7 +487,12 @@ Window read_window(Reader in)
   w.t_begin = in.f64("t_begin");
   w.t_end = in.f64("t_end");
   w.steps = in.i64("steps");
-  w.fine = in.boolean("fine");
+  const std::uint8_t exchange = in.u8("fine");
+  if (exchange > 7)
+    in.reject("fine", std::to_string(exchange), "0 to 7");
+  w.fine = (exchange & 1) != 0;
+  w.trial = (exchange & 2) != 0;
+  w.flight = (exchange & 4) != 0;
   w.activate = in.boolean("activate");
   w.output = in.boolean("output");
   w.last = in.boolean("last");

@@ -104,6 +104,13 @@ void StateArchive::save(const std::string& path)
   replace_file(path, image, true);
 }
 
+void StateArchive::read_back()
+{
+  require(!reading_ && prefix_.empty(), "an archive is written as a whole, then read back");
+  reading_ = true;
+  path_ = file_->name;
+}
+
 void StateArchive::inside(const std::string& name, const std::function<void()>& visit)
 {
   const std::size_t outer = prefix_.size();

@@ -118,6 +118,8 @@ public:
   StateArchive& operator=(const StateArchive&) = delete;
 
   bool reading() const { return reading_; }
+  /// What was written is read from now on, without a file.
+  void read_back();
   /// Write the file `path`, through to the disk. @throws Failure(output_failed)
   void save(const std::string& path);
 

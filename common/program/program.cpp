@@ -54,7 +54,8 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
                                .dim = run.dim,
                                .case_hash = file.hash(),
                                .partners = partners,
-                               .capabilities = link::capability::link | link::capability::contact},
+                               .capabilities = link::capability::link | link::capability::contact |
+                                               link::capability::rewind | link::capability::flight},
                               {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
 }
 

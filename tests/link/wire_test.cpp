@@ -191,6 +191,22 @@ TEST_CASE("what is written is what is read", "[link][unit]")
   CHECK(payload_of(wire::read_motion(reader(sent[11]), 2)) == sent[11]);
 }
 
+TEST_CASE("a window on trial or without exchange comes back as one", "[link][unit]")
+{
+  Window w = samples::window();
+  for (int bits = 0; bits < 8; ++bits)
+  {
+    w.fine = bits & 1;
+    w.trial = bits & 2;
+    w.flight = bits & 4;
+    const Bytes bytes = payload_of(w);
+    const Window back = wire::read_window(wire::Reader(bytes, "the message"));
+    CHECK(back.fine == w.fine);
+    CHECK(back.trial == w.trial);
+    CHECK(back.flight == w.flight);
+  }
+}
+
 TEST_CASE("a header comes back as it was sealed", "[link][unit]")
 {
   const Bytes bytes = message_of(header(MessageType::mesh), mesh());

@@ -86,6 +86,9 @@ BROKEN = [
     ("a formula that cannot be read", TANK, [("viscosity = 0.0", 'viscosity = 0.0\nbody_force = ["0", "sin(t"]')], [], 2, ["fluid.body_force[1]", "sin(t"]),
     ("one formula for two components", TANK, [("viscosity = 0.0", 'viscosity = 0.0\nbody_force = ["sin(t)"]')], [], 2, ["fluid.body_force", "needs 2 formulas"]),
     ("sub-steps that are no number", COLUMN, [('substeps = "auto"', 'substeps = "many"')], [], 2, ["coupling.substeps", "many", "auto"]),
+    ("half steps with sub-steps", COLUMN, [('substeps = "auto"', 'substeps = 10\nform = "half_step"')], [], 2, ['coupling.substeps = 10', 'form = "half_step" is stable at equal steps only']),
+    ("a form of the window where water may leave", GATES, [("[output]", '[coupling]\nform = "macro_continuity"\n\n[output]')], [], 2, ["coupling.form", "separation = true has a form of its own"]),
+    ("continuity at the windows' ends with a lumped operator", COLUMN, [('substeps = "auto"', 'substeps = "auto"\nform = "macro_continuity"\noperator = "lumped"')], [], 2, ["coupling.operator", "finds multipliers by trial"]),
     ("no sub-steps", COLUMN, [('substeps = "auto"', "substeps = 0")], [], 2, ["coupling.substeps = 0: must be at least 1"]),
     ("an end before the first step", BAR, [("t_end = 1.54179852e-3 ", "t_end = 1e-9 ")], [], 20, ["run.t_end = 1e-09", "shorter than one time step"]),
     # geometry

@@ -121,19 +121,19 @@ class Longer(RanksTest):
 
 
 class Failures(RanksTest):
-    def run_and_hit(self, case, ranks, victim, number, *options):
-        """Start the case, send the signal to world rank `victim` when its history grows. @returns how it ended"""
-        line = line_of(case, self.out, ranks, *sets(f"coupling.stall_timeout={STALL}" if case == self.gate else f"run.rank_timeout={STALL}", "run.t_end=1000", *options))
+    def run_and_hit(self, case, ranks, victim, number, *options, solid=1, program="fluid_pfem", history="mass"):
+        """Start the case, send the signal to world rank `victim` of `program` when its history grows. @returns how it ended"""
+        line = line_of(case, self.out, ranks, *sets(f"coupling.stall_timeout={STALL}" if case == self.gate else f"run.rank_timeout={STALL}", "run.t_end=1000", *options), solid=solid)
 
         def act(process):
-            history = self.out / "history" / "mass.csv"
+            rows = self.out / "history" / f"{history}.csv"
             begin = time.monotonic()
-            while not (history.is_file() and history.read_text().count("\n") > 6):
+            while not (rows.is_file() and rows.read_text().count("\n") > 6):
                 self.assertLess(time.monotonic() - begin, 60.0, "the run did not start")
                 self.assertIsNone(process.poll(), "the run ended by itself")
                 time.sleep(0.02)
             for pid, name in programs.descendants(process.pid).items():
-                if name == "fluid_pfem" and f"OMPI_COMM_WORLD_RANK={victim}\0" in Path(f"/proc/{pid}/environ").read_text():
+                if name == program and f"OMPI_COMM_WORLD_RANK={victim}\0" in Path(f"/proc/{pid}/environ").read_text():
                     os.kill(pid, number)
                     return
             self.fail("no such rank")
@@ -145,6 +145,8 @@ class Failures(RanksTest):
 
     dam = programs.ROOT / "cases" / "dam_break" / "case.toml"
     gate = programs.ROOT / "cases" / "elastic_gate" / "case.toml"
+    cook = programs.ROOT / "cases" / "cook_membrane" / "case.toml"
+    rod = programs.ROOT / "cases" / "taylor_bar" / "case.toml"
 
     def test_a_killed_rank_ends_the_run(self):
         self.assertEqual(self.run_and_hit(self.dam, 3, 2, signal.SIGKILL, "run.resolution=12").code, 137)
@@ -158,6 +160,22 @@ class Failures(RanksTest):
         ended = self.run_and_hit(self.gate, 2, 2, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001")
         self.assertEqual(ended.code, 36, ended.text)
         self.assertIn("fluid", "\n".join(ended.errors()))
+
+    def test_a_silent_rank_of_the_solid_ends_a_coupled_run(self):
+        ended = self.run_and_hit(self.gate, 1, 3, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001", solid=2, program="solid_fe")
+        self.assertEqual(ended.code, 36, ended.text)
+        self.assertIn("solid", "\n".join(ended.errors()))
+
+    def test_a_killed_or_silent_rank_of_a_solid_alone(self):
+        for number, code in ((signal.SIGKILL, 137), (signal.SIGSTOP, 36)):
+            self.out = self.folder / str(code)
+            ended = self.run_and_hit(self.cook, 3, 2, number, "output.history_every=1", program="solid_fe", history="solid_energy")
+            self.assertEqual(ended.code, code, ended.text)
+
+    def test_an_element_that_is_inverted_anywhere_ends_all_ranks(self):
+        ended = programs.run(line_of(self.rod, self.out, 3, *sets("solid.initial_velocity=[0.0,-9000.0]")), MARGIN)
+        self.assertEqual(ended.code, 10, ended.text)
+        self.assertIn("is not positive", ended.text)
 
     def test_a_rank_that_is_told_to_stop_stops_all(self):
         ended = self.run_and_hit(self.dam, 3, 2, signal.SIGUSR1, "run.resolution=12")

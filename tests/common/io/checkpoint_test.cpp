@@ -144,6 +144,23 @@ TEST_CASE("a state comes back with all its bits, also NaN, -0 and empty lists", 
   CHECK(content_of(folder / "a.h5") == content_of(folder / "b.h5"));
 }
 
+TEST_CASE("a state is read back from memory", "[common][unit]")
+{
+  Everything a, b;
+  a.t = 0.1;
+  a.names = {"one", ""};
+  a.elements = {{1, 2, 3}};
+  b.names = {"will go"};
+  StateArchive archive;
+  archive("object", a);
+  archive.read_back();
+  CHECK(archive.reading());
+  archive("object", b);
+  CHECK(b.t == a.t);
+  CHECK(b.names == a.names);
+  CHECK(b.elements == a.elements);
+}
+
 TEST_CASE("a state of another object is refused with the name that does not fit", "[common][unit]")
 {
   const TemporaryFolder folder;
