@@ -241,6 +241,7 @@ private:
   void add_body_force(index_t begin, index_t end);
   void exchange_mass(double dt);
   void check_state(index_t bad_node);
+  void check_places() const;
   Vec<dim> gravity() const;
   double least_inertia(std::size_t i) const;
   double sound_speed() const { return config_.tait.sound_speed(config_.tait.rho0); }

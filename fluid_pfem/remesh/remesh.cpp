@@ -8,6 +8,9 @@
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/simplex.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -167,6 +170,7 @@ void Fluid<dim>::remesh()
     collected_ = ranks().alone();
     return;
   }
+  check_places();
   for (auto& x : nodes_.x)
     x = nodes_.period.wrapped(x);
   pass_openings();
@@ -246,6 +250,19 @@ void Fluid<dim>::remesh()
   const double jump = energy_with(v_half) - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
   collected_ = ranks().alone();
+}
+
+/// What is nowhere cannot be triangulated. @throws NumericalError
+template <int dim>
+void Fluid<dim>::check_places() const
+{
+  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+    if (!std::isfinite(norm_squared(nodes_.x[n])))
+      throw NumericalError(fmt::format(
+          "fluid step {}, t = {:.9g} s: node {} is at ({:.4g}) m, mass {:.3g} kg, velocity ({:.4g}) m/s, "
+          "pressure {:.4g} Pa: no place for a mesh. A smaller fluid.step_safety may help",
+          steps_, t_, nodes_.id[n], fmt::join(nodes_.x[n].c, ", "), nodes_.m[n],
+          fmt::join(nodes_.v[n].c, ", "), nodes_.p[n]));
 }
 
 template <int dim>

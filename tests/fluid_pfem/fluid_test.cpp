@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 #include <string>
 #include <type_traits>
@@ -255,6 +256,16 @@ TEST_CASE("results do not depend on the number of threads", "[fluid][unit]")
 
 // A node is thrown through its neighbours, and nobody remeshes: ten steps with a negative volume are waited
 // for (the next look at the mesh may heal them), the eleventh ends the run.
+TEST_CASE("a node that is nowhere ends the run at the next remesh and is named", "[fluid][unit]")
+{
+  Fluid<2> fluid(box_config<2>(0.25));
+  std::vector<Vec<2>> v(fluid.nodes().x.size());
+  v[3][0] = std::numeric_limits<double>::infinity();
+  fluid.set_velocity(v);
+  fluid.predict(1e-6);
+  CHECK_THROWS_WITH(fluid.remesh(), Catch::Contains(fmt::format("node {} is at (inf", fluid.nodes().id[3])));
+}
+
 TEMPLATE_TEST_CASE_SIG("elements that stay turned over end the run and are named", "[fluid][unit]",
                        ((int dim), dim), 2, 3)
 {
