@@ -433,6 +433,58 @@ void for_each_point(const ReferenceBlock<Element>& block, const Law&, const Body
   }
 }
 
+template <class Element, class Law>
+constexpr bool has_energy_in_lanes =
+    runs_in_lanes<Law>() && history_of<Law, Element> == 0 &&
+    Element::dilatation
+        != Dilatation::of_nodes&& requires(const Law& law, const Mat<strain_dim<Element>, Lanes>& H)
+{
+  law.strain_energy(H);
+};
+
+/// Energies that packs of elements side by side store: laws without a history.
+template <class Element, class Law>
+void add_stored_energy_in_lanes(const ReferenceBlock<Element>& block, const Law& law,
+                                std::span<const Vec<Element::dim>> u, StoredEnergy& energy)
+{
+  for (index_t p = 0; p < block.n_packs(); ++p)
+  {
+    const auto [first, count] = block.elements_of(p);
+    const auto u_e = gather_pack(block, first, count, u);
+    const auto& g = block.pack[static_cast<std::size_t>(p)];
+    std::array<Mat<strain_dim<Element>, Lanes>, Element::points> H;
+    Lanes mean{}, volume{}, strain{};
+    for (std::size_t q = 0; q < H.size(); ++q)
+    {
+      H[q] = displacement_gradient<Element>(g, static_cast<int>(q), u_e);
+      if constexpr (Element::dilatation == Dilatation::of_element)
+      {
+        mean += g.weight[q] * dilatation<Law>(H[q]);
+        volume += g.weight[q];
+      }
+    }
+    if constexpr (Element::dilatation == Dilatation::of_element)
+    {
+      mean = mean * (Lanes(1.0) / volume);
+      for (auto& H_q : H)
+        H_q = dilated<Law>(H_q, dilatation<Law>(H_q), mean);
+    }
+    for (std::size_t q = 0; q < H.size(); ++q)
+      strain += g.weight[q] * law.strain_energy(H[q]);
+    Lanes hourglass{};
+    if constexpr (Element::hourglass_modes > 0)
+      for (const auto& a : hourglass_amplitudes<Element>(g, H[0], u_e))
+        hourglass += Lanes(0.5) * g.hourglass_stiffness[0] * dot(a, a);
+    for (int k = 0; k < count; ++k)
+      if (block.counts(first + k))
+      {
+        energy.strain.add(strain[k]);
+        if constexpr (Element::hourglass_modes > 0)
+          energy.hourglass.add(hourglass[k]);
+      }
+  }
+}
+
 /// Call work(block, law) with the block's type, and the law in plane stress where that is what the body is
 /// in.
 template <int dim, class Law, class Work>
@@ -468,6 +520,8 @@ void add_stored_energy_of(const Body<dim>& body, const Law& law, std::span<const
       body, law,
       [&]<class Element, class Used>(const ReferenceBlock<Element>& block, const Used& used)
       {
+        if constexpr (kernels::has_energy_in_lanes<Element, Used>)
+          return kernels::add_stored_energy_in_lanes(block, used, u, energy);
         double strain = 0.0, plastic = 0.0, hourglass = 0.0; // of one element
         kernels::for_each_point(
             block, used, body.state, u,

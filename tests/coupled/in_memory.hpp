@@ -8,6 +8,7 @@
 
 #include <exception>
 #include <functional>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -20,19 +21,23 @@ struct Participant
 {
   std::string role;
   std::function<void(link::SolverLink&)> serve;
+  std::function<std::unique_ptr<link::Channel>(std::unique_ptr<link::Channel>)> wrap =
+      nullptr; ///< of its end of the channel
 };
 
 template <int dim>
 Participant participant(const std::string& role, solid::Solid<dim>& solid)
 {
-  return {role, [&solid](link::SolverLink& link) { solid::run_coupled<dim>(solid, link, {}, nullptr); }};
+  return {.role = role,
+          .serve = [&solid](link::SolverLink& link) { solid::run_coupled<dim>(solid, link, {}, nullptr); }};
 }
 
 template <int dim>
 Participant participant(const std::string& role, fluid::Fluid<dim>& fluid)
 {
-  return {role, [&fluid](link::SolverLink& link)
-          { fluid::run_coupled<dim>(fluid, link, [](double, const fluid::Fluid<dim>&, bool) {}); }};
+  return {.role = role, .serve = [&fluid](link::SolverLink& link) {
+            fluid::run_coupled<dim>(fluid, link, [](double, const fluid::Fluid<dim>&, bool) {});
+          }};
 }
 
 /// Run the coupler and all participants, that of the fluid's side first, until t_end. `after_window` is
@@ -54,6 +59,8 @@ inline void run_in_memory(const std::vector<Participant>& participants, const co
           {
             try
             {
+              if (participants[k].wrap)
+                channel = participants[k].wrap(std::move(channel));
               link::SolverLink link(std::move(channel));
               participants[k].serve(link);
             }
