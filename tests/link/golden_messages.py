@@ -55,6 +55,8 @@ def messages():
         "mesh_reply": message(3, struct.pack("<B", 0) + string("gap of 2 mm")),
         "ready": message(4, struct.pack("<9dqB", 1e-4, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1)),
         "window": message(5, struct.pack("<qddqBBBB", 41, 0.25, 0.5, 7, 1, 0, 1, 0)),
+        "window_on_trial": message(5, struct.pack("<qddqBBBB", 41, 0.25, 0.5, 7, 1 | 2, 0, 1, 0)),
+        "window_in_flight": message(5, struct.pack("<qddqBBBB", 41, 0.25, 0.5, 7, 1 | 4, 0, 1, 0)),
         "free_velocity": message(6, vector),
         "link_force": message(7, vector),
         "mesh_update": message(8, mesh),

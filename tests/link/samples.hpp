@@ -65,6 +65,20 @@ inline Window window()
   return {.index = 41, .t_begin = 0.25, .t_end = 0.5, .steps = 7, .fine = true, .output = true};
 }
 
+inline Window window_on_trial()
+{
+  Window w = window();
+  w.trial = true;
+  return w;
+}
+
+inline Window window_in_flight()
+{
+  Window w = window();
+  w.flight = true;
+  return w;
+}
+
 inline std::vector<double> vector() { return {0.0, -1.0, 2.5, 1e-300, 1e300, -0.0}; }
 inline Kinematics kinematics() { return {.v = {1.0, 2.0}, .a_free = {3.0, 4.0}}; }
 inline Activation activation() { return {.impulse = {5.0, 6.0}, .link_force = {7.0, 8.0}}; }

@@ -125,6 +125,9 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   CHECK(hex(message_of(header(MessageType::mesh_reply), samples::mesh_reply())) == golden::mesh_reply);
   CHECK(hex(message_of(header(ready), report())) == golden::ready);
   CHECK(hex(message_of(header(MessageType::window), samples::window())) == golden::window);
+  CHECK(hex(message_of(header(MessageType::window), samples::window_on_trial())) == golden::window_on_trial);
+  CHECK(hex(message_of(header(MessageType::window), samples::window_in_flight())) ==
+        golden::window_in_flight);
   CHECK(hex(vector_message(free_velocity)) == golden::free_velocity);
   CHECK(hex(vector_message(link_force)) == golden::link_force);
   CHECK(hex(message_of(header(mesh_update), samples::mesh())) == golden::mesh_update);

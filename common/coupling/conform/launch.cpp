@@ -151,7 +151,7 @@ int run_all(const Options& options, const char* self)
       tally.say(verdict, clause, text);
     const int broken_before = tally.broken;
     if (std::filesystem::exists(folder / not_applicable))
-      tally.say("note", "1", "not for a program at level A");
+      tally.say("note", "1", "not for a program that does not offer it");
     else
       judge_end(script, ended, tally);
     if (options.verbose || tally.broken > broken_before)

@@ -111,10 +111,11 @@ void converse(std::deque<Bytes> messages)
       if (link.receive_activation().impulse.size() != v.size())
         broken("an activation of another size was accepted");
     }
-    for (std::int64_t j = 0; j < (window->fine ? window->steps : 1); ++j)
+    for (std::int64_t j = 0; j < (window->fine && !window->flight ? window->steps : 1); ++j)
     {
       link.send_free_velocity(v);
-      link.receive_link_force(v);
+      if (!window->flight)
+        link.receive_link_force(v);
     }
     link.send_report(report);
   }

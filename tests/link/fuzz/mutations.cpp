@@ -50,8 +50,9 @@ Input whole(std::uint8_t which, const char* hex)
   return input;
 }
 
-/// SETUP, MESH_REPLY, WINDOW, ACTIVATION_IMPULSE, LINK_FORCE, BYE as a conversation.
-Input conversation()
+/// SETUP, MESH_REPLY, CHECKPOINT, WINDOW and what it asks for, BYE as a conversation.
+/// @param bits  of the window: 1 fine, 2 trial, 4 flight
+Input conversation(std::uint8_t bits)
 {
   Input input{15};
   const auto add = [&input](std::uint8_t type, const Input& bytes)
@@ -70,6 +71,7 @@ Input conversation()
   Input reply{1, 0, 0, 0, 0};
   Input window = body(golden::window);
   window[24] = 1; // one step,
+  window[32] = bits;
   window[33] = 1; // an activation
   Input vector(6 * sizeof(double), 0);
   Input lists(2 * (8 + 6 * sizeof(double)), 0);
@@ -79,7 +81,8 @@ Input conversation()
   add(9, body(golden::checkpoint));
   add(5, window);
   add(17, lists);
-  add(7, vector);
+  if ((bits & 4) == 0)
+    add(7, vector);
   add(15, {});
   add(12, body(golden::bye));
   return input;
@@ -106,7 +109,11 @@ std::vector<Input> seeds()
           whole(13, roster_with_error),
           whole(14, link_force),
           whole(14, mesh),
-          conversation()};
+          payload(5, window_on_trial),
+          payload(5, window_in_flight),
+          conversation(1),
+          conversation(3),
+          conversation(5)};
 }
 
 void mutate(Input& input, std::mt19937_64& random)
