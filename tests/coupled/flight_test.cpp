@@ -18,7 +18,7 @@ using namespace undine::test;
 namespace
 {
 
-struct Outcome
+struct Fall
 {
   std::vector<Vec<2>> u_solid; ///< at the end
   std::vector<Vec<2>> x_fluid;
@@ -28,7 +28,7 @@ struct Outcome
 };
 
 /// A tank of water.
-fluid::FluidConfig water()
+fluid::FluidConfig water_below()
 {
   constexpr double h = 0.01;
   fluid::FluidConfig f = hydraulic(h, 20.0);
@@ -41,7 +41,7 @@ fluid::FluidConfig water()
 }
 
 /// A rubber block, 40 mm above the water, is thrown at it with 1 m/s; it vibrates on its way.
-solid::SolidConfig block(std::array<int, 2> elements)
+solid::SolidConfig thrown_block(std::array<int, 2> elements)
 {
   solid::SolidConfig s;
   s.geometry.origin = {0.1, 0.14};
@@ -66,13 +66,13 @@ coupler::CouplerConfig thrown(bool flight, double t_end)
   return config;
 }
 
-Outcome fall(bool flight, double t_end)
+Fall fall(bool flight, double t_end)
 {
-  fluid::Fluid<2> fluid(water());
-  const solid::SolidConfig s = block({20, 6});
+  fluid::Fluid<2> fluid(water_below());
+  const solid::SolidConfig s = thrown_block({20, 6});
   solid::Solid<2> solid(s, solid::make_mesh<2>(s));
   const coupler::CouplerConfig config = thrown(flight, t_end);
-  Outcome out;
+  Fall out;
   run_in_memory(fluid, solid, config,
                 [&](const coupler::WindowRecord& r)
                 {
@@ -142,7 +142,7 @@ private:
 // its energies once, about one step's work; messages cost next to nothing. The least of five runs of each.
 TEST_CASE("a solid on its way costs little more than alone", "[coupled][verification]")
 {
-  const solid::SolidConfig s = block({60, 18});
+  const solid::SolidConfig s = thrown_block({60, 18});
   constexpr double t_end = 0.02; // before the hit
   double alone = 1e9, in_flight = 1e9, step_by_step = 1e9;
   for (int k = 0; k < 5; ++k)
@@ -153,7 +153,7 @@ TEST_CASE("a solid on its way costs little more than alone", "[coupled][verifica
     alone = std::min(alone, (processor_seconds() - begin) / static_cast<double>(result.steps));
     for (const bool flight : {true, false})
     {
-      fluid::Fluid<2> fluid(water());
+      fluid::Fluid<2> fluid(water_below());
       solid::Solid<2> solid(s, solid::make_mesh<2>(s));
       double computing = 0.0, waited = 0.0;
       run_in_memory({participant("fluid", fluid),
@@ -181,7 +181,7 @@ TEST_CASE("a solid on its way costs little more than alone", "[coupled][verifica
 // again, but remembers others.
 TEST_CASE("a solid flies without exchange and meets the water where it would have", "[coupled][verification]")
 {
-  const Outcome step_by_step = fall(false, 0.05), flight = fall(true, 0.05);
+  const Fall step_by_step = fall(false, 0.05), flight = fall(true, 0.05);
   CAPTURE(step_by_step.hit, flight.hit, step_by_step.windows_before_hit, flight.windows_before_hit,
           flight.steps_before_hit, flight.windows, step_by_step.windows);
   REQUIRE(step_by_step.hit > 0.03);
@@ -192,7 +192,7 @@ TEST_CASE("a solid flies without exchange and meets the water where it would hav
   CHECK(flight.impulse_mismatch < 1e-12);
   CHECK(flight.made < 0.0);
   const double before = 0.8 * flight.hit;
-  const Outcome slow = fall(false, before), fast = fall(true, before);
+  const Fall slow = fall(false, before), fast = fall(true, before);
   const double noise = std::ldexp(0.3, -52) * static_cast<double>(slow.windows);
   CAPTURE(1e15 * noise, 1e15 * apart(slow.u_solid, fast.u_solid), 1e15 * apart(slow.x_fluid, fast.x_fluid));
   CHECK(slow.hit == 0.0);
