@@ -328,8 +328,8 @@ template <int dim>
 void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held)
 {
   constexpr double margin = 0.05; // of a facet: rows that the impulses of others may close
-  // Of what a node is inside already, per step. It is work: see theory.md.
-  constexpr double repair = 0.02;
+  // Push of a node that is inside already, per step: of its depth, and at most of a facet [22a].
+  constexpr double repair = 0.02, slow = 2e-5;
   const auto k = static_cast<std::size_t>(node);
   Row row{.node = node,
           .n = n,
@@ -361,7 +361,9 @@ void UnilateralContact<dim>::add_row(index_t node, const Vec<dim>& n, std::size_
   if (gap_before < 0.0)
   {
     report_.deepest = std::max(report_.deepest, -gap_before);
-    row.gap -= (1.0 - repair) * gap_before;
+    row.gap -= gap_before;
+    if (may_push())
+      row.gap -= std::min(repair * -gap_before, slow * 0.5 * reach_);
   }
   rows_.push_back(row);
   if (sticks_[static_cast<std::size_t>(near_[k].facet)])

@@ -19,7 +19,9 @@
 // the half-step form of the Gravouil-Combescure multiplier with a one-sided constraint: a node that would
 // cross the surface ends the step on it, slides freely and may leave. Impulses are equal and opposite:
 // momentum is conserved to round-off. Landing is inelastic and can only lose energy. A node that stays on the
-// surface has n·(v − V) = 0 in every half step, so that lasting contact does no net work.
+// surface has n·(v − V) = 0 in every half step, so that lasting contact does no net work. One that is inside
+// already (faces are chords) must not go deeper, and is pushed out slowly while contact as a whole has taken
+// energy.
 //
 // In the plane a node that lies on a sharp corner of the solid, with water on both sides of the corner, is
 // held there by both components of Λ: the facets of a node that slides around would cut the corner off, and
@@ -117,6 +119,8 @@ private:
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
   void add_rows_along(const Row& row);
+  /// A push is work on both sides. It may spend what contact took, never more.
+  bool may_push() const { return balance_.work[Side::fluid] + balance_.work[Side::solid] <= 0.0; }
   void find_held();
   void let_go(double dt, const std::array<std::vector<double>, 2>& v);
   void solve(double dt);

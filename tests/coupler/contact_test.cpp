@@ -146,6 +146,124 @@ TEMPLATE_TEST_CASE_SIG(
   }
 }
 
+// With the compliance A of the rows the impulses change the energy by Σ Λ_k w_k − ½ ΛᵀAΛ, w_k the rate at
+// which row k opens after them: at most 0 where a node lands (w_k Δt = −gap) or must not go deeper (w_k = 0),
+// at most a push otherwise [22a].
+TEMPLATE_TEST_CASE_SIG("Contact of random states adds no energy and lets no node go deeper", "",
+                       ((int dim), dim), 2, 3)
+{
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> jitter(-1.0, 1.0);
+  const auto surface_of = [](const link::SurfaceMesh& s)
+  {
+    std::vector<Vec<dim>> points;
+    for (std::size_t k = 0; k < s.x.size(); k += dim)
+    {
+      Vec<dim> p;
+      for (int i = 0; i < dim; ++i)
+        p[i] = s.x[k + static_cast<std::size_t>(i)];
+      points.push_back(p);
+    }
+    return FacetSurface<dim>(points, s.face_offset, s.face_nodes);
+  };
+  int inside = 0, touching = 0;
+  for (int scene = 0; scene < 60; ++scene)
+  {
+    const double dt = 0.001, height = 0.1 * jitter(random), mass = std::pow(10.0, 3.0 * jitter(random));
+    const auto bent = [height](double x) { return height * std::sin(3.0 * x); };
+    const auto solid = sheet<dim>(7, bent, mass, true);
+    auto fluid = sheet<dim>(10, bent, 0.7, false);
+    for (std::size_t k = 0; k < fluid.x.size(); ++k) // up to 4 mm inside, up to 4 mm away
+      fluid.x[k] += k % dim == 1 ? 0.004 * jitter(random) : 0.1 * (0.5 - fluid.x[k]);
+    std::array<std::vector<double>, 2> v, f;
+    v[Side::fluid].resize(fluid.x.size());
+    v[Side::solid].resize(solid.x.size());
+    for (const Side s : both_sides)
+      for (double& w : v[s])
+        w = jitter(random);
+    UnilateralContact<dim> contact(fluid, solid);
+    const bool pushes = scene % 2 == 0; // nothing made so far; or all of it spent
+    contact.balance().work[Side::fluid] = pushes ? 0.0 : 1.0;
+    contact.advance(dt, v, f);
+    touching += contact.report().touching;
+    double made = 0.0, energy = 0.0, impulse = 0.0;
+    auto x_end = fluid.x;
+    for (const Side s : both_sides)
+      for (std::size_t k = 0; k < v[s].size(); ++k)
+      {
+        const double w = s == Side::fluid ? 1.0 / 0.7 : 1.0 / mass, dv = dt * w * f[s][k];
+        made += dt * f[s][k] * (v[s][k] + 0.5 * dv);
+        energy += 0.5 * v[s][k] * v[s][k] / w;
+        if (s == Side::fluid)
+        {
+          impulse += dt * std::abs(f[s][k]);
+          x_end[k] += dt * (v[s][k] + dv);
+        }
+      }
+    constexpr double facet = 0.2; // at most, with its slope
+    CAPTURE(scene, mass, made, energy, pushes);
+    CHECK(made < (pushes ? 2e-5 * facet / dt * impulse : 0.0) + 1e-12 * energy);
+
+    // Depths before and after; 5e-5 m: the surface turns by the impulses and nodes slide to other places of
+    // it, twice (2 m/s · 0.001 s)² over a face of 1/6 m.
+    const auto before = surface_of(solid), after = surface_of(contact.solid());
+    for (std::size_t k = 0; k < fluid.x.size(); k += dim)
+    {
+      Vec<dim> from, to;
+      for (int i = 0; i < dim; ++i)
+      {
+        from[i] = fluid.x[k + static_cast<std::size_t>(i)];
+        to[i] = x_end[k + static_cast<std::size_t>(i)];
+      }
+      const double deep = std::min(0.0, before.nearest(from, 0.1).gap), now = after.nearest(to, 0.1).gap;
+      inside += deep < 0.0;
+      CAPTURE(k, deep, now);
+      CHECK(now > deep - 5e-5);
+    }
+  }
+  CHECK(inside > 100);
+  CHECK(touching > 100);
+}
+
+// A node 1 mm inside a heavy plate, pressed on it: what brings it out is the work Λ w of the push, and only
+// while contact has taken that much before.
+TEST_CASE("A node inside comes out by energy that contact took, and no deeper without")
+{
+  for (const double taken : {0.0, 1e-3, 1.0})
+  {
+    const auto solid = sheet<2>(
+        7, [](double) { return 0.0; }, 1e12, true);
+    auto fluid = sheet<2>(
+        3, [](double) { return -1e-3; }, 0.7, false);
+    UnilateralContact<2> contact(fluid, solid);
+    const double dt = 1e-3, g = 10.0, all = 0.7 * g * 1e-3 * 3; // [J] to lift the three nodes by 1 mm
+    std::array<std::vector<double>, 2> v{std::vector<double>(6), std::vector<double>(14)}, f;
+    contact.balance().work[Side::fluid] = -taken;
+    double depth = 1e-3, deepest = 0.0;
+    for (int step = 0; step < 2000; ++step)
+    {
+      const auto before = v[0];
+      for (std::size_t k = 1; k < 6; k += 2)
+        v[0][k] -= dt * g;
+      contact.advance(dt, v, f);
+      double work = 0.0;
+      for (std::size_t k = 0; k < 6; ++k)
+      {
+        v[0][k] += dt * f[0][k] / 0.7;
+        work += dt * f[0][k] * 0.5 * (before[k] + v[0][k]);
+      }
+      contact.balance().work[Side::fluid] += work;
+      depth -= dt * v[0][1];
+      deepest = std::max(deepest, depth);
+    }
+    const double made = contact.balance().work[Side::fluid], of_a_step = 2e-5 / 6.0 / 1e-3 * all;
+    CAPTURE(taken, made, depth, all);
+    CHECK(deepest < 1e-3 + 1e-12);
+    CHECK(made < 2.0 * of_a_step); // the ledger is looked at once per step
+    CHECK(depth == Approx(std::max(0.0, 1e-3 * (1.0 - taken / all))).margin(2e-5));
+  }
+}
+
 TEST_CASE("A node that leaves is not held, and a solid far from the water is left alone")
 {
   const auto solid = sheet<2>(
