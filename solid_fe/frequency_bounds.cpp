@@ -138,6 +138,12 @@ std::vector<Shares> own_masses_of(const std::vector<Body<dim>>& bodies)
   return shares;
 }
 
+template <int d>
+TangentBound tangent_at_rest(const Material& material)
+{
+  return std::visit([](const auto& law) { return law.tangent_bound(Mat<d>{}); }, material);
+}
+
 /// Factors of all elements with these shares (zero of the idle ones), and the largest ω²; the shares are
 /// multiplied by their elements' ω².
 template <int dim>
@@ -147,22 +153,23 @@ double weigh(const std::vector<Body<dim>>& bodies, std::vector<Shares>& shares,
   double highest = 0.0;
   factors.assign(bodies.size(), {});
   for (std::size_t k = 0; k < bodies.size(); ++k)
-    visit_body(bodies[k],
-               [&]<class Element, class Law>(const ReferenceBlock<Element>& block, const Law& law)
-               {
-                 const TangentBound tangent = law.tangent_bound(Mat<strain_dim<Element>>{});
-                 auto* share = shares[k].data();
-                 for (index_t e = 0; e < block.n_active; ++e, share += Element::nodes)
-                 {
-                   const auto f = element_factors<Element>(block.geometry(e), share, tangent.full);
-                   const double omega2 = tangent.full * f.gamma + tangent.volumetric * f.delta;
-                   highest = std::max(highest, omega2);
-                   factors[k].push_back(f);
-                   for (int a = 0; a < Element::nodes; ++a)
-                     share[a] *= omega2;
-                 }
-                 factors[k].resize(block.nodes.size());
-               });
+    std::visit(
+        [&]<class Element>(const ReferenceBlock<Element>& block)
+        {
+          const TangentBound tangent = tangent_at_rest<strain_dim<Element>>(bodies[k].material);
+          auto* share = shares[k].data();
+          for (index_t e = 0; e < block.n_active; ++e, share += Element::nodes)
+          {
+            const auto f = element_factors<Element>(block.geometry(e), share, tangent.full);
+            const double omega2 = tangent.full * f.gamma + tangent.volumetric * f.delta;
+            highest = std::max(highest, omega2);
+            factors[k].push_back(f);
+            for (int a = 0; a < Element::nodes; ++a)
+              share[a] *= omega2;
+          }
+          factors[k].resize(block.nodes.size());
+        },
+        bodies[k].block);
   return highest;
 }
 

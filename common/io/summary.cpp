@@ -16,7 +16,7 @@ namespace undine
 namespace
 {
 
-std::string quoted(std::string_view text)
+std::string json_string(std::string_view text)
 {
   std::string out = "\"";
   for (const char c : text)
@@ -55,7 +55,7 @@ std::string object(const std::vector<Entry>& entries, std::size_t skip, int leve
     for (const Entry& entry : members)
       require((entry.first.size() == skip + name.size()) == is_value,
               "a summary key is both a value and a table");
-    out += fmt::format("{}{}  {}: {}", out.empty() ? "" : ",\n", indent, quoted(name),
+    out += fmt::format("{}{}  {}: {}", out.empty() ? "" : ",\n", indent, json_string(name),
                        is_value ? members[0].second : object(members, skip + name.size() + 1, level + 1));
   }
   return "{\n" + out + "\n" + indent + "}";
@@ -82,7 +82,7 @@ void Summary::set(const std::string& key, double value)
 
 void Summary::set(const std::string& key, long long value) { set_json(key, fmt::format("{}", value)); }
 
-void Summary::set(const std::string& key, const std::string& value) { set_json(key, quoted(value)); }
+void Summary::set(const std::string& key, const std::string& value) { set_json(key, json_string(value)); }
 
 void Summary::set(const std::string& key, bool value) { set_json(key, value ? "true" : "false"); }
 

@@ -32,13 +32,13 @@ double scheme_energy(const solid::Solid<2>& solid, double dt)
   return 0.125 * dt * dt * sum;
 }
 
-struct Outcome
+struct Swing
 {
   double jump = 0.0, plain_gain = 0.0, gain = 0.0, loss = 0.0, momentum = 0.0, spin = 0.0, turned = 0.0;
 };
 
 /// Blocks of soft rubber left and right of a wall 0.1 m thick, all rotating about the middle.
-Outcome sandwich(std::int64_t substeps, double spin, double t_end)
+Swing sandwich(std::int64_t substeps, double spin, double t_end)
 {
   solid::SolidConfig blocks;
   blocks.material = {.density = 1000.0, .youngs_modulus = 1e5, .poisson_ratio = 0.3, .law = "neo_hookean_ln"};
@@ -88,7 +88,7 @@ Outcome sandwich(std::int64_t substeps, double spin, double t_end)
       if (norm(first.nodes().X[a] - second.nodes().X[b]) < 1e-9)
         glued.emplace_back(a, b);
   REQUIRE(glued.size() == 18);
-  Outcome out;
+  Swing out;
   double start = 0.0, plain_start = 0.0, kinetic = 0.0, L0 = 0.0;
   Vec<2> p0;
   const double size = norm(first.linear_momentum()) + norm(second.linear_momentum());

@@ -15,7 +15,7 @@ using namespace undine::test;
 namespace
 {
 
-struct Outcome
+struct Fall
 {
   std::vector<Vec<2>> u_solid; ///< at the end
   std::vector<Vec<2>> x_fluid;
@@ -25,7 +25,7 @@ struct Outcome
 };
 
 /// A rubber block, 40 mm above a tank of water, is thrown at it with 1 m/s; it vibrates on its way.
-Outcome fall(bool flight, double t_end)
+Fall fall(bool flight, double t_end)
 {
   constexpr double h = 0.01;
   fluid::FluidConfig f = hydraulic(h, 20.0);
@@ -51,7 +51,7 @@ Outcome fall(bool flight, double t_end)
   config.coupling.interfaces = {{"wet", "boundary", "bottom, left, right", "slip", true, "finer"}};
   config.coupling.substeps = 1;
   config.flight = flight;
-  Outcome out;
+  Fall out;
   run_in_memory(fluid, solid, config,
                 [&](const coupler::WindowRecord& r)
                 {
@@ -94,7 +94,7 @@ double apart(const std::vector<Vec<2>>& a, const std::vector<Vec<2>>& b)
 // again, but remembers others.
 TEST_CASE("a solid flies without exchange and meets the water where it would have", "[coupled][verification]")
 {
-  const Outcome step_by_step = fall(false, 0.05), flight = fall(true, 0.05);
+  const Fall step_by_step = fall(false, 0.05), flight = fall(true, 0.05);
   CAPTURE(step_by_step.hit, flight.hit, step_by_step.windows_before_hit, flight.windows_before_hit,
           flight.steps_before_hit, flight.windows, step_by_step.windows);
   REQUIRE(step_by_step.hit > 0.03);
@@ -105,7 +105,7 @@ TEST_CASE("a solid flies without exchange and meets the water where it would hav
   CHECK(flight.impulse_mismatch < 1e-12);
   CHECK(flight.made < 0.0);
   const double before = 0.8 * flight.hit;
-  const Outcome slow = fall(false, before), fast = fall(true, before);
+  const Fall slow = fall(false, before), fast = fall(true, before);
   const double noise = std::ldexp(0.3, -52) * static_cast<double>(slow.windows);
   CAPTURE(1e15 * noise, 1e15 * apart(slow.u_solid, fast.u_solid), 1e15 * apart(slow.x_fluid, fast.x_fluid));
   CHECK(slow.hit == 0.0);

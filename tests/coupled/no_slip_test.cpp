@@ -13,10 +13,10 @@ using namespace undine::test;
 namespace
 {
 
-constexpr double width = 0.1, depth = 0.02, v0 = 0.1, thickness = 0.01, density = 2000.0, length = 0.14,
-                 mu = 2.0, t_end = 0.02;
+constexpr double width = 0.1, depth = 0.02, v_plate = 0.1, thickness = 0.01, density = 2000.0,
+                 plate_length = 0.14, mu = 2.0, t_end = 0.02;
 
-struct Outcome
+struct Slide
 {
   double speed = 0.0;    ///< of the plate at the end, over that at the start
   double momentum = 0.0; ///< change of the plate's, over the impulse of the link on it, minus 1
@@ -25,7 +25,7 @@ struct Outcome
 };
 
 /// A plate slides at 0.1 m/s below 20 mm of viscous water that ends on either side before it does.
-Outcome run(const std::string& kind, bool separation, std::int64_t remesh_every)
+Slide run(const std::string& kind, bool separation, std::int64_t remesh_every)
 {
   constexpr double h = 0.002;
   fluid::FluidConfig f = hydraulic(h, 20.0);
@@ -37,11 +37,11 @@ Outcome run(const std::string& kind, bool separation, std::int64_t remesh_every)
   f.interfaces = {{"wet", separation ? "boundary" : "bottom"}};
   solid::SolidConfig s;
   s.geometry.origin = {-0.02, -thickness};
-  s.geometry.size = {length, thickness};
+  s.geometry.size = {plate_length, thickness};
   s.geometry.elements = {42, 3};
   s.material = {.density = density, .youngs_modulus = 2e8, .poisson_ratio = 0.0, .law = "neo_hookean_ln"};
   s.gravity = {0.0, 0.0};
-  s.initial_velocity = {v0, 0.0};
+  s.initial_velocity = {v_plate, 0.0};
   s.fix = {{"bottom", {"y"}}};
   s.wet = {{"wet", "top"}};
   fluid::Fluid<2> fluid(f);
@@ -52,21 +52,21 @@ Outcome run(const std::string& kind, bool separation, std::int64_t remesh_every)
   config.coupling.present = true;
   config.coupling.interfaces = {{"wet", f.interfaces[0].second, "top", kind, separation, "finer"}};
   config.coupling.substeps = 1;
-  Outcome out;
+  Slide out;
   double impulse = 0.0;
-  const double mass = density * thickness * length;
+  const double mass = density * thickness * plate_length;
   run_in_memory(fluid, solid, config,
                 [&](const coupler::WindowRecord& r)
                 {
                   double momentum = 0.0;
                   for (std::size_t n = 0; n < solid.nodes().v.size(); ++n)
                     momentum += solid.nodes().m[n] * solid.nodes().v[n][0];
-                  out.speed = momentum / (mass * v0);
+                  out.speed = momentum / (mass * v_plate);
                   for (std::size_t k = 0; k < r.solid_force.size(); k += 2)
                     impulse += r.solid_force[k] * (r.plan.t_end - r.plan.t_begin);
-                  out.momentum = (momentum - mass * v0) / impulse - 1.0;
-                  out.made =
-                      std::max(out.made, (r.balance.work[0] + r.balance.work[1]) / (0.5 * mass * v0 * v0));
+                  out.momentum = (momentum - mass * v_plate) / impulse - 1.0;
+                  out.made = std::max(out.made, (r.balance.work[0] + r.balance.work[1]) /
+                                                    (0.5 * mass * v_plate * v_plate));
                   out.remeshes = fluid.remeshes();
                 });
   return out;
@@ -82,10 +82,10 @@ Outcome run(const std::string& kind, bool separation, std::int64_t remesh_every)
 // interface 0.1 % apart.
 TEST_CASE("viscous water that may leave a plate drags it as water that may not", "[coupled][verification]")
 {
-  const double a = 1000.0 * width / (density * thickness * length),
+  const double a = 1000.0 * width / (density * thickness * plate_length),
                reach = a * std::sqrt(mu / 1000.0 * t_end), exact = std::exp(reach * reach) * std::erfc(reach);
-  const Outcome lasting = run("no_slip", false, 0), contact = run("no_slip", true, 0),
-                remeshed = run("no_slip", true, 20), slip = run("slip", true, 0);
+  const Slide lasting = run("no_slip", false, 0), contact = run("no_slip", true, 0),
+              remeshed = run("no_slip", true, 20), slip = run("slip", true, 0);
   CAPTURE(exact, lasting.speed, contact.speed, remeshed.speed, slip.speed, contact.momentum, contact.made,
           remeshed.made, remeshed.remeshes);
   CHECK(slip.speed == Approx(1.0).epsilon(1e-3));

@@ -16,13 +16,13 @@ namespace
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// A bar of equal elements whose node 0 is at the interface; the far end is held.
-struct Bar
+/// A chain of equal springs and masses whose node 0 is at the interface; the far end is held.
+struct Chain
 {
   VectorXd x, v, mass;
   MatrixXd K;
 
-  Bar(int n, double m, double k) : x(VectorXd::Zero(n)), v(x), mass(VectorXd::Constant(n, m)), K(n, n)
+  Chain(int n, double m, double k) : x(VectorXd::Zero(n)), v(x), mass(VectorXd::Constant(n, m)), K(n, n)
   {
     K.setZero();
     for (int i = 0; i < n; ++i)
@@ -64,7 +64,7 @@ struct Bar
 
 struct State
 {
-  Bar coarse, fine;
+  Chain coarse, fine;
   double f = 0.0; ///< link force on the coarse bar at the window's begin, minus that on the fine one
 };
 
@@ -79,7 +79,7 @@ void mean_velocity(State& s, double dT, int m)
   const double dt = dT / m;
   const auto run = [&](double f)
   {
-    Bar bar = s.fine;
+    Chain bar = s.fine;
     for (int j = 0; j < m; ++j)
     {
       bar.kick(dt, -f);
@@ -87,7 +87,7 @@ void mean_velocity(State& s, double dT, int m)
     }
     return bar;
   };
-  const Bar trial = run(s.f);
+  const Chain trial = run(s.f);
   s.coarse.kick(dT);
   const double of_fine = 0.5 * (m + 1) / m * dT * dT / s.fine.mass[0], of_coarse = dT * dT / s.coarse.mass[0];
   s.f = (trial.x[0] - s.coarse.x[0] - dT * s.coarse.v[0] + of_fine * s.f) / (of_fine + of_coarse);
@@ -163,7 +163,7 @@ void gravouil_combescure(State& s, double dT, int m)
 void macro_continuity(State& s, double dT, int m)
 {
   const double dt = dT / m;
-  const auto run = [&](Bar bar, double from, double to)
+  const auto run = [&](Chain bar, double from, double to)
   {
     double f = from;
     for (int j = 1; j <= m; ++j)
@@ -174,7 +174,7 @@ void macro_continuity(State& s, double dT, int m)
     }
     return bar;
   };
-  Bar rest = s.fine;
+  Chain rest = s.fine;
   rest.x.setZero();
   rest.v.setZero();
   const double answer = run(rest, 0.0, 1.0).v[0], free = run(s.fine, s.f, 0.0).v[0];
@@ -231,12 +231,12 @@ Survey survey(const Window& advance, std::initializer_list<int> ratios)
   for (int k = 0; k < 300; ++k)
   {
     const int m = m_of[static_cast<std::size_t>(pick(random))];
-    const Bar coarse(elements(random), 1.0, 1.0);
+    const Chain coarse(elements(random), 1.0, 1.0);
     const double dT = 0.85 * coarse.critical_step();
     const int n = elements(random);
     const double mass = std::pow(10.0, decade(random));
-    const double limit = Bar(n, mass, 1.0).critical_step(), wanted = dT / m / 0.85;
-    const State rest{coarse, Bar(n, mass, (limit / wanted) * (limit / wanted))};
+    const double limit = Chain(n, mass, 1.0).critical_step(), wanted = dT / m / 0.85;
+    const State rest{coarse, Chain(n, mass, (limit / wanted) * (limit / wanted))};
     const double radius = moduli(rest, advance, dT, m).second;
     result.worst = std::max(result.worst, radius);
     result.unstable += radius > 1.0 + 1e-7;
@@ -290,7 +290,7 @@ TEST_CASE("macro continuity conserves what sub-cycling loses", "[coupler][ablati
   const double k = 4.0 * M_PI * M_PI, omega = std::sqrt(1.5 * k / 4.0);
   const auto error_and_loss = [&](const Window& advance, int steps, int m)
   {
-    State s{Bar(1, 1.0, k), Bar(1, 3.0, 0.5 * k)};
+    State s{Chain(1, 1.0, k), Chain(1, 3.0, 0.5 * k)};
     s.coarse.v[0] = s.fine.v[0] = 1.0;
     const double period = 2.0 * M_PI / omega, dT = period / steps;
     double error = 0.0;
@@ -322,10 +322,10 @@ namespace
 /// A bar behind the coupler's interface, with its own time step; node 0 is wet.
 struct Participant : undine::coupler::Partner
 {
-  Bar bar;
+  Chain bar;
   double dt = 0.0, f = 0.0;
 
-  explicit Participant(Bar b) : bar(std::move(b)) {}
+  explicit Participant(Chain b) : bar(std::move(b)) {}
   void receive_free_velocity(std::span<double> v_free) override
   {
     bar.step_free(dt, f);
@@ -352,7 +352,7 @@ TEST_CASE("the coupler's macro continuity is that of Prakash and Hjelmstad", "[c
     return s;
   };
   const int m = GENERATE(1, 7, 50);
-  State s{Bar(3, 1.0, 1.0), Bar(5, 0.3, 0.4 * m * m)};
+  State s{Chain(3, 1.0, 1.0), Chain(5, 0.3, 0.4 * m * m)};
   s.coarse.v << 0.5, -1.0, 0.2;
   s.fine.v << 0.5, 0.7, 0.0, -0.3, 1.0;
   const double dT = 0.5 * s.coarse.critical_step();

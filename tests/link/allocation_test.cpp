@@ -2,29 +2,12 @@
 #include "common/coupling/link.hpp"
 
 #include "tests/link/samples.hpp"
+#include "tests/support/counted_new.hpp"
 
 #include <catch2/catch.hpp>
 
 #include <atomic>
-#include <cstdlib>
-#include <new>
 #include <thread>
-
-namespace
-{
-std::atomic<long> allocations{0};
-}
-
-void* operator new(std::size_t size)
-{
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  if (void* memory = std::malloc(size == 0 ? 1 : size))
-    return memory;
-  throw std::bad_alloc();
-}
-
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 using namespace samples;
 

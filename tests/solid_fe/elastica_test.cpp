@@ -13,12 +13,6 @@ using namespace undine::solid::test;
 namespace
 {
 
-struct Kind
-{
-  ElementType type;
-  Formulation formulation;
-};
-
 /// Displacement of the tip's middle of a strip of length 1, at rest, under the tip load P L²/(E I) or the
 /// weight q L³/(E I). The load grows over half a period of the first mode, which is damped critically.
 Vec<2> bend(const Kind& kind, int along, int across, double h, double tip, double weight)

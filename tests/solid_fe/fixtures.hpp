@@ -23,6 +23,14 @@ std::vector<ElementType> element_types()
     return {ElementType::tetrahedron4, ElementType::hexahedron8};
 }
 
+/// An element type in one of its forms.
+struct Kind
+{
+  ElementType type;
+  Formulation formulation;
+  PlaneKind plane = PlaneKind::strain;
+};
+
 /// Uniform numbers in [-size, size].
 class Random
 {

@@ -15,14 +15,6 @@ using namespace undine::solid::test;
 namespace
 {
 
-/// An element type in one of its forms.
-struct Kind
-{
-  ElementType type;
-  Formulation formulation;
-  PlaneKind plane = PlaneKind::strain;
-};
-
 /// All forms beyond plain full integration in plane strain and 3-D, which the older tests cover.
 template <int dim>
 std::vector<Kind> kinds()

@@ -14,7 +14,7 @@ using namespace undine::solid::test;
 namespace
 {
 
-SolidConfig read(const std::string& tables)
+SolidConfig read_block(const std::string& tables)
 {
   const auto file =
       CaseFile::parse("[solid]\ndensity = 1500\nyoungs_modulus = 2.3e5\npoisson_ratio = 0.4\nwidth = "
@@ -30,7 +30,7 @@ SolidConfig read(const std::string& tables)
 
 TEST_CASE("a table multiplies a load over time", "[solid][unit]")
 {
-  const auto config = read(R"case([[solid.velocity]]
+  const auto config = read_block(R"case([[solid.velocity]]
 on = "left"
 value = [2.0, -1.0]
 table = [1.0, 0.5, 2.0, 1.5, 4.0, -0.5]
@@ -60,7 +60,7 @@ table = [0.0, 0.0, 1.0, 2.0]
   CHECK(FieldFunction(config.traction[0].function, "t")(1, X, 0.25) == Approx(2.5));
   CHECK(FieldFunction({config.pressure[0].function}, "p")(0, X, 0.5) == Approx(8.0));
   CHECK_THROWS_WITH(
-      read("[[solid.traction]]\non = \"top\"\nvalue = [1.0, 0.0]\ntable = [1.0, 0.5, 0.5, 1.0]\n"),
+      read_block("[[solid.traction]]\non = \"top\"\nvalue = [1.0, 0.0]\ntable = [1.0, 0.5, 0.5, 1.0]\n"),
       Catch::Contains("times ascending"));
 }
 

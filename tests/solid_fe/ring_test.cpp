@@ -14,7 +14,7 @@ using namespace undine::solid::test;
 namespace
 {
 
-SolidConfig read(const std::string& keys, int dim)
+SolidConfig read_ring(const std::string& keys, int dim)
 {
   const auto file = CaseFile::parse(
       "[solid]\ndensity = 1000\nyoungs_modulus = 1e6\npoisson_ratio = 0.3\n" + keys, "case.toml");
@@ -33,9 +33,9 @@ TEMPLATE_TEST_CASE_SIG("a ring is closed, has its mass and its two surfaces", "[
   const std::string depth = dim == 3 ? "\ndepth = 0.4" : "", along = dim == 3 ? ", 2" : "";
   for (const char* element : dim == 2 ? std::vector{"T3", "Q4"} : std::vector{"Tet4", "Hex8"})
   {
-    const auto config = read(std::string("inner_radius = 0.5\nouter_radius = 0.8\nelement = \"") + element +
-                                 "\"\nelements = [24, 3" + along + "]" + depth,
-                             dim);
+    const auto config = read_ring(std::string("inner_radius = 0.5\nouter_radius = 0.8\nelement = \"") +
+                                      element + "\"\nelements = [24, 3" + along + "]" + depth,
+                                  dim);
     const auto mesh = make_mesh<dim>(config);
     const Solid<dim> solid(config, mesh);
     const double polygon = 12.0 * std::sin(2.0 * std::numbers::pi / 24.0);
@@ -59,9 +59,9 @@ TEMPLATE_TEST_CASE_SIG("a ring is closed, has its mass and its two surfaces", "[
 // (π/n)², 1e-3 each.
 TEST_CASE("a thin ring breathes with its textbook frequency", "[solid][unit]")
 {
-  auto config = read("inner_radius = 0.98\nouter_radius = 1.02\nelements = [120, 2]\nplane = "
-                     "\"stress\"\norigin = [3.0, -1.0]",
-                     2);
+  auto config = read_ring("inner_radius = 0.98\nouter_radius = 1.02\nelements = [120, 2]\nplane = "
+                          "\"stress\"\norigin = [3.0, -1.0]",
+                          2);
   config.material.poisson_ratio = 0.0;
   Solid<2> solid(config, make_mesh<2>(config));
   const auto out = [](const Vec<2>& X)
@@ -89,9 +89,10 @@ TEST_CASE("a thin ring breathes with its textbook frequency", "[solid][unit]")
 
 TEST_CASE("a ring says what it cannot be", "[solid][unit]")
 {
-  CHECK_THROWS_WITH(read("inner_radius = 0.5\nouter_radius = 0.4", 2),
+  CHECK_THROWS_WITH(read_ring("inner_radius = 0.5\nouter_radius = 0.4", 2),
                     Catch::Contains("larger than inner_radius"));
-  CHECK_THROWS_WITH(read("inner_radius = 0.5\nouter_radius = 0.6\nwidth = 1.0", 2), Catch::Contains("width"));
-  CHECK_THROWS_WITH(read("inner_radius = 0.5\nouter_radius = 0.6\nelements = [2, 1]", 2),
+  CHECK_THROWS_WITH(read_ring("inner_radius = 0.5\nouter_radius = 0.6\nwidth = 1.0", 2),
+                    Catch::Contains("width"));
+  CHECK_THROWS_WITH(read_ring("inner_radius = 0.5\nouter_radius = 0.6\nelements = [2, 1]", 2),
                     Catch::Contains("at least 3"));
 }

@@ -1,16 +1,18 @@
-// Every `new` of the program is counted. Include it in one source of a test program of its own.
+// Every `new` of the program, of all its threads, is counted. Include it in one source of a test program of
+// its own.
 #pragma once
 
+#include <atomic>
 #include <cstdlib>
 #include <new>
 
 namespace
 {
-long allocations = 0;
+std::atomic<long> allocations{0};
 
 void* counted(std::size_t size, std::size_t alignment)
 {
-  ++allocations;
+  allocations.fetch_add(1, std::memory_order_relaxed);
   const std::size_t rounded = (size + alignment - 1) / alignment * alignment;
   if (void* p = alignment > 16 ? std::aligned_alloc(alignment, rounded) : std::malloc(size))
     return p;
@@ -26,7 +28,7 @@ void* operator new(std::size_t size, std::align_val_t alignment)
 void* operator new(std::size_t size,
                    const std::nothrow_t&) noexcept // Catch uses it; new and delete must match
 {
-  ++allocations;
+  allocations.fetch_add(1, std::memory_order_relaxed);
   return std::malloc(size);
 }
 void operator delete(void* p) noexcept { std::free(p); }

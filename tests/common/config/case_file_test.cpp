@@ -2,6 +2,7 @@
 #include "common/config/case_file.hpp"
 
 #include "common/error.hpp"
+#include "tests/common/config/error_of.hpp"
 
 #include <catch2/catch.hpp>
 
@@ -9,27 +10,13 @@
 #include <fstream>
 
 using namespace undine;
+using undine::test::error_of;
 
 namespace
 {
 
 const Key density{"density", "kg/m^3", "reference density rho0"};
 const Key gravity{"gravity", "m/s^2", "acceleration of gravity"};
-
-/// The text of the InputError that `action` throws; "" if it throws none.
-template <class Action>
-std::string error_of(Action&& action)
-{
-  try
-  {
-    action();
-  }
-  catch (const InputError& error)
-  {
-    return error.what();
-  }
-  return "";
-}
 
 CaseFile parse(const std::string& text, const std::vector<std::string>& overrides = {})
 {

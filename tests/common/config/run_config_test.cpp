@@ -2,31 +2,18 @@
 #include "common/config/command_line.hpp"
 #include "common/config/run_config.hpp"
 #include "common/error.hpp"
+#include "tests/common/config/error_of.hpp"
 #include "tests/common/io/temporary_folder.hpp"
 
 #include <catch2/catch.hpp>
 
 using namespace undine;
+using undine::test::error_of;
 
 namespace
 {
 
-template <class Action>
-std::string error_of(Action&& action)
-{
-  try
-  {
-    action();
-  }
-  catch (const InputError& error)
-  {
-    CHECK(error.code() == ExitCode::bad_case);
-    return error.what();
-  }
-  return "";
-}
-
-CommandLine parse(std::vector<const char*> arguments)
+CommandLine parse_line(std::vector<const char*> arguments)
 {
   arguments.insert(arguments.begin(), "fluid_pfem");
   return parse_command_line("fluid_pfem", static_cast<int>(arguments.size()), arguments.data());
@@ -129,8 +116,8 @@ TEST_CASE("a wrong run, output or probe is answered with place and rule", "[comm
 TEST_CASE("every option of the command line arrives", "[common][unit]")
 {
   const CommandLine line =
-      parse({"--set", "fluid.gravity=[0, -9.81]", "cases/gate/case.toml", "--set=a.b=c d", "--out", "here",
-             "--until", "0.25", "--check", "--verbose"});
+      parse_line({"--set", "fluid.gravity=[0, -9.81]", "cases/gate/case.toml", "--set=a.b=c d", "--out",
+                  "here", "--until", "0.25", "--check", "--verbose"});
   CHECK(line.case_path == "cases/gate/case.toml");
   CHECK(line.out_dir == "here");
   CHECK(line.overrides == std::vector<std::string>{"fluid.gravity=[0, -9.81]", "a.b=c d", "run.t_end=0.25"});
@@ -142,31 +129,31 @@ TEST_CASE("every option of the command line arrives", "[common][unit]")
 
 TEST_CASE("the output folder is named after the case's folder", "[common][unit]")
 {
-  CHECK(parse({"cases/gate/case.toml"}).out_dir == "runs/gate");
-  CHECK(parse({"/tmp/../srv/gate/case.toml"}).out_dir == "runs/gate");
+  CHECK(parse_line({"cases/gate/case.toml"}).out_dir == "runs/gate");
+  CHECK(parse_line({"/tmp/../srv/gate/case.toml"}).out_dir == "runs/gate");
   const TemporaryFolder folder; // a folder means the case.toml inside
-  CHECK(parse({folder.path.c_str()}).case_path == folder / "case.toml");
-  CHECK(parse({folder.path.c_str()}).out_dir ==
+  CHECK(parse_line({folder.path.c_str()}).case_path == folder / "case.toml");
+  CHECK(parse_line({folder.path.c_str()}).out_dir ==
         "runs/" + std::filesystem::path(folder.path).filename().string());
 }
 
 TEST_CASE("help and version are answers, not runs", "[common][unit]")
 {
-  CHECK(parse({"--version"}).answer == std::string("fluid_pfem ") + UNDINE_VERSION + "\n");
-  CHECK(parse({"--help"}).answer.find("--until") != std::string::npos);
-  CHECK(parse({"--document-keys"}).document_keys);
+  CHECK(parse_line({"--version"}).answer == std::string("fluid_pfem ") + UNDINE_VERSION + "\n");
+  CHECK(parse_line({"--help"}).answer.find("--until") != std::string::npos);
+  CHECK(parse_line({"--document-keys"}).document_keys);
 }
 
 TEST_CASE("a wrong command line is an error with exit code 2 that names the argument", "[common][unit]")
 {
-  CHECK(error_of([] { parse({}); }) ==
+  CHECK(error_of([] { parse_line({}); }) ==
         "command line: the case is missing: fluid_pfem case.toml (see fluid_pfem --help)");
-  CHECK(error_of([] { parse({"case.toml", "--utnil", "1"}); }).find("--utnil") != std::string::npos);
-  CHECK(error_of([] { parse({"case.toml", "--until", "soon"}); }).find("soon") != std::string::npos);
+  CHECK(error_of([] { parse_line({"case.toml", "--utnil", "1"}); }).find("--utnil") != std::string::npos);
+  CHECK(error_of([] { parse_line({"case.toml", "--until", "soon"}); }).find("soon") != std::string::npos);
   CHECK(error_of(
             [] {
-              parse({"case.toml", "--until", "-1"});
+              parse_line({"case.toml", "--until", "-1"});
             }) == "command line: --until -1: must be positive (end time, s)");
-  CHECK(error_of([] { parse({"case.toml", "--set"}); }).find("--set") != std::string::npos);
-  CHECK(error_of([] { parse({"case.toml", "other.toml"}); }).find("other.toml") != std::string::npos);
+  CHECK(error_of([] { parse_line({"case.toml", "--set"}); }).find("--set") != std::string::npos);
+  CHECK(error_of([] { parse_line({"case.toml", "other.toml"}); }).find("other.toml") != std::string::npos);
 }

@@ -9,9 +9,6 @@ using namespace undine;
 namespace
 {
 
-// Sums of at most a few hundred terms of size ≤ 1 with errors of 2⁻⁵³ each: below 1e-13.
-constexpr double tolerance = 1e-13;
-
 template <int dim>
 struct Box;
 

@@ -17,11 +17,6 @@ using namespace undine;
 namespace
 {
 
-// Sums of at most a hundred terms of size ≤ 1 with errors of 2⁻⁵³ each: below 1e-13. Curve nodes of gmsh's
-// version-2.2 text have 16 significant digits, which moves boundary nodes along straight sides and by 1e-16
-// off them.
-constexpr double tolerance = 1e-13;
-
 const std::vector<std::string> dialects = {"22", "22b", "41", "41b"};
 
 std::string data(const std::string& name) { return std::string(UNDINE_TEST_DATA) + "/" + name; }
