@@ -695,7 +695,7 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   if (!archive.reading())
     return;
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
-  connect_mesh(std::move(mesh_.elements));
+  connect_mesh(part_of_all(std::move(mesh_.elements)));
   measure_quality();
   collected_ = true;
   moves_.clear();

@@ -85,6 +85,7 @@ struct Patches
 {
   std::vector<index_t> of;    ///< for each node its patch, −1: none
   std::vector<index_t> first; ///< for each patch its first node
+  std::vector<index_t> nodes; ///< those of a patch, ascending
 };
 
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
@@ -205,7 +206,7 @@ private:
   void triangulate();
   std::vector<Simplex<dim>> triangulation(std::span<const char> mine);
   std::vector<char> part_of_rank(const SpacingReport& spacing) const;
-  void put_together(ShapeChoice<dim>& choice) const;
+  std::vector<Simplex<dim>> part_of_all(std::vector<Simplex<dim>> simplices) const;
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void connect_mesh(std::vector<Simplex<dim>> elements);
   void measure_quality();
@@ -230,7 +231,7 @@ private:
   void find_impedance();
   void let_waves_out(double dt, bool book);
   void take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                 std::span<Vec<dim>> v_half, index_t begin, index_t end);
+                 std::span<Vec<dim>> v_half, index_t begin);
   void smooth_mass_defect(std::vector<Vec<dim>>& v_half);
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;

@@ -141,6 +141,40 @@ std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<d
   return sorted;
 }
 
+std::array<std::size_t, 2> rows_of_rank(std::size_t n, const Ranks& ranks)
+{
+  const auto rank = static_cast<std::size_t>(ranks.rank()), size = static_cast<std::size_t>(ranks.size());
+  return {n * rank / size, n * (rank + 1) / size};
+}
+
+template <int dim>
+std::vector<Simplex<dim>> gather_sorted(std::vector<Simplex<dim>> sorted, const Ranks& ranks)
+{
+  if (ranks.alone())
+    return sorted;
+  std::vector<std::size_t> counts;
+  std::vector<Simplex<dim>> all = ranks.gather(sorted, &counts);
+  auto end = all.begin();
+  for (const std::size_t count : counts)
+  {
+    // Parts of ranks mostly follow each other: only where they overlap there is something to merge.
+    const auto middle = end;
+    end += static_cast<std::ptrdiff_t>(count);
+    if (middle != all.begin() && middle != end)
+      std::inplace_merge(std::upper_bound(all.begin(), middle, *middle), middle,
+                         std::lower_bound(middle, end, *(middle - 1)));
+  }
+  return all;
+}
+
+template <int dim>
+index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n)
+{
+  return static_cast<index_t>(
+      std::partition_point(sorted.begin(), sorted.end(), [n](const Simplex<dim>& e) { return e[0] < n; }) -
+      sorted.begin());
+}
+
 template <int dim>
 void find_fans(FluidMesh<dim>& mesh, index_t n_nodes, index_t begin, index_t end)
 {
@@ -187,6 +221,10 @@ template Simplex<2> canonical<2>(const Simplex<2>&);
 template Simplex<3> canonical<3>(const Simplex<3>&);
 template std::vector<Simplex<2>> sorted_elements<2>(index_t, std::vector<Simplex<2>>);
 template std::vector<Simplex<3>> sorted_elements<3>(index_t, std::vector<Simplex<3>>);
+template index_t first_element_from<2>(std::span<const Simplex<2>>, index_t);
+template index_t first_element_from<3>(std::span<const Simplex<3>>, index_t);
+template std::vector<Simplex<2>> gather_sorted<2>(std::vector<Simplex<2>>, const Ranks&);
+template std::vector<Simplex<3>> gather_sorted<3>(std::vector<Simplex<3>>, const Ranks&);
 template FluidMesh<2> connect<2>(index_t, std::vector<Simplex<2>>);
 template FluidMesh<3> connect<3>(index_t, std::vector<Simplex<3>>);
 

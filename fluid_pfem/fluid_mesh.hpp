@@ -2,6 +2,7 @@
 // every node.
 #pragma once
 
+#include "common/parallel/ranks.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 #include "fluid_pfem/period.hpp"
@@ -72,6 +73,17 @@ Simplex<dim> canonical(const Simplex<dim>& e);
 /// Elements in the one form and order that depend on the set only, of nodes numbered −1 … n_nodes − 1.
 template <int dim>
 std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements);
+
+/// [begin, end) of n rows that all ranks have: the part that this one looks at.
+std::array<std::size_t, 2> rows_of_rank(std::size_t n, const Ranks& ranks);
+
+/// The sorted elements of all ranks in one order. Collective.
+template <int dim>
+std::vector<Simplex<dim>> gather_sorted(std::vector<Simplex<dim>> sorted, const Ranks& ranks);
+
+/// The first of sorted elements whose lowest node is `n` or a later one.
+template <int dim>
+index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n);
 
 /// Fans of the nodes [begin, end) of a mesh of sorted elements, and the boundary facets of which one of them
 /// is the first node (in space: the one of the lowest number). Those of consecutive ranges make up the whole.

@@ -8,7 +8,8 @@ namespace undine::fluid
 {
 
 /// Ghosts are the nodes of other ranks in what this rank computes: elements that it owns, or that touch its
-/// nodes, and gaps that it watches. All ranks know the whole mesh, so each makes its lists alone.
+/// nodes, and gaps that it watches. All ranks know the whole mesh, so each makes its lists alone, from the
+/// elements that it owns or that touch its nodes: these come before its own.
 template <int dim>
 void Fluid<dim>::find_ghosts()
 {
@@ -27,7 +28,12 @@ void Fluid<dim>::find_ghosts()
     if (of == me && rank != me)
       send[static_cast<std::size_t>(rank)].push_back(n);
   };
-  for (index_t e = 0; e < mesh_.n_elements(); ++e)
+  std::vector<index_t> near;
+  for (const Share& share : team_.shares())
+    near.insert(near.end(), share.before.begin(), share.before.end());
+  for (index_t e = team_.element_begin(); e < team_.element_end(); ++e)
+    near.push_back(e);
+  for (const index_t e : near)
   {
     const auto& nodes = mesh_.elements[static_cast<std::size_t>(e)];
     const auto mine = std::count_if(nodes.begin(), nodes.end(), [this](index_t n) { return team_.owns(n); });
@@ -99,15 +105,18 @@ void Fluid<dim>::collect()
   collected_ = true;
 }
 
-/// What became heat, and what moved mass brought, since the last remesh is booked.
+/// What became heat, and what moved mass brought, since the last remesh is booked: of all rows, which are
+/// right. Collective.
 template <int dim>
 void Fluid<dim>::cool()
 {
   dissipated_ = std::accumulate(sums_.heat.begin(), sums_.heat.end(), dissipated_);
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0);
   ExactSum exchanged;
-  for (const double energy : exchange_energy_)
-    exchanged.add(energy);
+  const auto [begin, end] = rows_of_rank(exchange_energy_.size(), ranks());
+  for (std::size_t k = begin; k < end; ++k)
+    exchanged.add(exchange_energy_[k]);
+  ranks().sum({&exchanged});
   exchanged_ += exchanged.value();
   exchange_energy_.assign(nodes_.x.size(), 0.0);
 }

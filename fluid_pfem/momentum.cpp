@@ -250,10 +250,11 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
 } // namespace
 
 template <int dim>
-void ElementSums<dim>::reset(index_t n)
+void ElementSums<dim>::reset(index_t n, index_t begin, index_t end)
 {
-  record.assign(static_cast<std::size_t>(n), {});
-  sum.assign(static_cast<std::size_t>(n), FourNumbers{});
+  record.resize(static_cast<std::size_t>(n));
+  sum.resize(static_cast<std::size_t>(n));
+  std::fill(sum.begin() + begin, sum.begin() + end, FourNumbers{});
   body.clear();
 }
 

@@ -57,8 +57,8 @@ struct ElementSums
   std::vector<double> heat;     ///< energy turned into heat by q and τ since the last remesh, per block of
                                 ///< elements [J]
 
-  /// Records and sums for n nodes, all zero; no body force.
-  void reset(index_t n);
+  /// Records and sums for n nodes, zero the sums of nodes [begin, end); no body force.
+  void reset(index_t n, index_t begin, index_t end);
 
   template <class Archive>
   void for_each_state(Archive& archive)

@@ -289,7 +289,7 @@ void Solid<dim>::predict_velocity(double dt)
 
   const double half = 0.5 * dt;
   share_.for_own([&](std::size_t n) { nodes_.v[n] += half * nodes_.a[n]; });
-  if (beam_)
+  if (moves_beam())
   {
     for (auto& driven : driven_fibres_) // the velocity in the middle of the step moves the fibre
     {
@@ -315,7 +315,7 @@ void Solid<dim>::predict_position(double dt)
 {
   const double load_time = time() - dt;
   if constexpr (dim == 2)
-    if (beam_)
+    if (moves_beam())
     {
       beam_->predict_position(dt);
       for (std::size_t n = 0; n < nodes_.X.size(); ++n)
@@ -406,7 +406,7 @@ void Solid<dim>::finish_driven(double dt, Part part)
       external_work_[driven.node] += 0.5 * nodes_.m[driven.node] * (v * v - driven.v_end * driven.v_end);
       driven.v_end = v;
     }
-  if (part == Part::interior)
+  if (part == Part::interior || !moves_beam())
     return;
   for (auto& driven : driven_fibres_)
   {
@@ -439,6 +439,8 @@ void Solid<dim>::solve_free_motion_of_interior(double dt)
     external_work_[driven.node] += 0.5 * (driven.reaction + reaction) * dt * driven.v_step;
     driven.reaction = reaction;
   }
+  if (!moves_beam())
+    return;
   for (auto& driven : driven_fibres_)
   {
     const double reaction = -beam_->force(driven.fibre)[driven.component];
@@ -476,9 +478,9 @@ double Solid<dim>::critical_time_step() const
       share =
           std::max(share, beam_->mass(k) * norm_squared(beam_->arm(BeamFace::left, k)) / beam_->inertia(k));
     // So does contact, at most four times as strong as on a node of the fibre's whole mass.
-    dt = stable_step(beam_->highest_frequency_squared() +
-                         (contact_ ? share * contact_->frequency_squared() : 0.0),
-                     share * damping_.mass);
+    dt = of_first(stable_step(beam_->highest_frequency_squared() +
+                                  (contact_ ? share * contact_->frequency_squared() : 0.0),
+                              share * damping_.mass));
   }
   return step_safety_ * dt;
 }

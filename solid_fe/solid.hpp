@@ -69,10 +69,9 @@ public:
   Solid(const SolidConfig& config, const Mesh<dim>& mesh);
 
   /// Share the work: from here on this rank computes the nodes that it owns, and holds only the elements that
-  /// they need. Wet nodes, rigid bodies and what may touch are all rank 0's, which alone talks to the
-  /// coupler. All ranks must have made the same solid. Results have the bits of one rank. Collective, as are
-  /// from here on all steps and everything that says so.
-  /// @throws InputError for what works on one rank only
+  /// they need. Wet nodes, rigid bodies, what may touch and a beam, which is a line of few nodes, are
+  /// all rank 0's, which alone talks to the coupler. All ranks must have made the same solid. Results have
+  /// the bits of one rank. Collective, as are from here on all steps and everything that says so.
   void distribute(const Ranks& ranks);
   const Ranks& ranks() const { return share_.ranks(); }
   /// The nodes of this rank; rows of others in nodes() are out of date.
@@ -264,6 +263,13 @@ private:
   double formula_of(const DrivenComponent& driven, double t) const;
   /// Velocities (and accelerations) of the driven components of `part` at the end of the step.
   void finish_driven(double dt, Part part);
+  bool moves_beam() const { return beam_ && share_.is_first(); }
+  /// What rank 0 says, whose the beam is. Collective.
+  template <class T>
+  T of_first(const T& x) const
+  {
+    return ranks().of_first(std::vector<T>{x}).front();
+  }
   void solve_beam(double dt);
   void show_beam(bool moves); ///< u (if it moves), v, a of the nodes are those of the beam's faces
   void link_beam(std::size_t node, const Vec<dim>& f, double dt);

@@ -42,7 +42,13 @@ Energies Solid<dim>::energies() const
 {
   ExactSum kinetic, external, interface, viscous, contact;
   StoredEnergy stored;
-  share_.for_own([&](std::size_t n) { kinetic.add(0.5 * nodes_.m[n] * norm_squared(nodes_.v[n])); });
+  if (moves_beam())
+  {
+    kinetic.add(beam_->kinetic_energy());
+    stored.strain.add(beam_->strain_energy());
+  }
+  if (!beam_)
+    share_.for_own([&](std::size_t n) { kinetic.add(0.5 * nodes_.m[n] * norm_squared(nodes_.v[n])); });
   const auto add = [&](const std::vector<double>& works, ExactSum& sum)
   {
     share_.for_own(0, works.size(),
@@ -62,8 +68,8 @@ Energies Solid<dim>::energies() const
                &stored.plastic});
 
   Energies e;
-  e.kinetic = beam_ ? beam_->kinetic_energy() : kinetic.value();
-  e.strain = beam_ ? beam_->strain_energy() : stored.strain.value();
+  e.kinetic = kinetic.value();
+  e.strain = stored.strain.value();
   e.hourglass = stored.hourglass.value();
   e.plastic = stored.plastic.value();
   e.viscous = viscous.value();
@@ -103,7 +109,7 @@ Vec<3> Solid<dim>::angular_momentum() const
         return nodes_.m[n] * cross(x, v);
       });
   if (beam_) // the rotary inertia is not that of two masses at the ends
-    momentum[2] = beam_->angular_momentum();
+    momentum[2] = of_first(beam_->angular_momentum());
   return momentum;
 }
 
@@ -124,7 +130,7 @@ Vec<dim> Solid<dim>::reaction(std::span<const index_t> nodes) const
             if (const auto n = static_cast<std::size_t>(end); n < f_link_.size())
               total -= f_link_[n];
         }
-      return total;
+      return of_first(total);
     }
   const auto reactions = at(nodes,
                             [this](std::size_t n)
@@ -176,7 +182,7 @@ std::pair<Vec<dim>, Vec<3>> Solid<dim>::section_force(const Vec<dim>& point, con
           total.second += moment(-1.0 * F[k], beam_->X()[k] + beam_->u()[k]);
           total.second[2] -= M[k];
         }
-      return total;
+      return {of_first(total.first), of_first(total.second)};
     }
   const auto in_front = [&](std::size_t n) { return dot(nodes_.X[n] - point, normal) > 0.0; };
   total.first =

@@ -76,7 +76,7 @@ template <int dim>
 void Solid<dim>::solve_beam(double dt)
 {
   if constexpr (dim == 2)
-    if (beam_)
+    if (moves_beam())
     {
       for (std::size_t n = 0; n < nodes_.X.size(); ++n)
       {

@@ -136,12 +136,12 @@ void Solid<dim>::distribute(const Ranks& ranks)
 {
   if (ranks.alone())
     return;
-  if (beam_)
-    throw InputError("solid.formulation = \"beam\": works on one rank of solid_fe, not on " +
-                     std::to_string(ranks.size()) + "; start it with -n 1");
-  auto owner =
-      ranks.of_first(ranks.rank() == 0 ? partition(graph_of_nodes(), nodes_of_first_rank(), ranks.size())
-                                       : std::vector<int>{});
+  const auto parts = [&]
+  {
+    return beam_ ? std::vector<int>(nodes_.X.size(), 0)
+                 : partition(graph_of_nodes(), nodes_of_first_rank(), ranks.size());
+  };
+  auto owner = ranks.of_first(ranks.rank() == 0 ? parts() : std::vector<int>{});
 
   // The forces on a rank's nodes need the elements that touch them; with nodal dilatation pressures come from
   // the neighbours' elements, and their volume changes from those of the next neighbours.

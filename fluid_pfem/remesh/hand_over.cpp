@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace undine::fluid
 {
@@ -56,10 +57,11 @@ Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& element
         first = first < 0 ? root : std::min(first, root);
       }
   }
-  Patches patches{.of = std::vector<index_t>(n_nodes, -1), .first = {}};
+  Patches patches{.of = std::vector<index_t>(n_nodes, -1), .first = {}, .nodes = {}};
   for (std::size_t n = 0; n < n_nodes; ++n)
     if (leader[n] >= 0)
     {
+      patches.nodes.push_back(static_cast<index_t>(n));
       const auto root = static_cast<std::size_t>(leader_of(static_cast<index_t>(n)));
       if (root == n)
       {
@@ -74,7 +76,8 @@ Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& element
 
 } // namespace
 
-/// Elements that the old or the new mesh has alone, or that have been deformed by the remesh.
+/// Elements that the old or the new mesh has alone, or that have been deformed by the remesh. Each rank looks
+/// at those of which it has the lowest node. Collective.
 /// @param number present number of each old node, −1: deleted
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>> old,
@@ -88,15 +91,30 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   bool same_numbers = openings_.empty(); // elements of an inlet are in no order
   for (std::size_t n = 0; n < number.size(); ++n)
     same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
+  const index_t begin = ranks().rank() == 0 ? -1 : team_.node_begin(), end = team_.node_end();
   if (!same_numbers)
   {
-    for (auto& e : old)
+    std::size_t kept = 0;
+    for (Simplex<dim> e : old)
+    {
       for (index_t& n : e)
         n = number[static_cast<std::size_t>(n)];
+      if (const index_t lowest = *std::min_element(e.begin(), e.end()); lowest >= begin && lowest < end)
+        old[kept++] = e;
+    }
+    old.resize(kept);
     old = sorted_elements<dim>(nodes_.size(), std::move(old));
   }
+  else
+  {
+    old.erase(old.begin() + first_element_from<dim>(old, end), old.end());
+    old.erase(old.begin(), old.begin() + first_element_from<dim>(old, begin));
+  }
   std::vector<Simplex<dim>> changed;
-  const auto& now = mesh_.elements;
+  const auto now = std::span<const Simplex<dim>>(mesh_.elements)
+                       .subspan(static_cast<std::size_t>(first_element_from<dim>(mesh_.elements, begin)),
+                                static_cast<std::size_t>(first_element_from<dim>(mesh_.elements, end) -
+                                                         first_element_from<dim>(mesh_.elements, begin)));
   for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
     if (k == now.size() || (o < old.size() && old[o] < now[k]))
       changed.push_back(old[o++]);
@@ -110,7 +128,7 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
       ++o;
       ++k;
     }
-  return changed;
+  return ranks().gather(changed);
 }
 
 /// New connectivity hands volume from node to node; particle mass goes with it, so that a remesh of quiet
@@ -140,22 +158,31 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
   const auto gain_of = [&](std::size_t n)
   {
     const bool flies = V_before[n] == 0.0 || (nodes_.flag[n] & isolated_node);
-    return patches.of[n] < 0 || flies ? 0.0 : nodes_.V[n] - V_before[n];
+    return flies ? 0.0 : nodes_.V[n] - V_before[n];
   };
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (const double gain = gain_of(n); gain != 0.0)
-      (gain > 0.0 ? volumes_at(n).gain : volumes_at(n).loss) += std::abs(gain);
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (const double gain = gain_of(n); gain < 0.0)
-    {
-      Volumes& p = volumes_at(n);
-      const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
-      nodes_.M[n] -= given;
-      p.mass += given;
-    }
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (const double gain = gain_of(n); gain > 0.0)
-      nodes_.M[n] += volumes_at(n).mass * gain / volumes_at(n).gain;
+  const auto for_each_gain = [&](auto&& visit)
+  {
+    for (const index_t n : patches.nodes)
+      if (const double gain = gain_of(static_cast<std::size_t>(n)); gain != 0.0)
+        visit(static_cast<std::size_t>(n), gain, volumes_at(static_cast<std::size_t>(n)));
+  };
+  for_each_gain([](std::size_t, double gain, Volumes& p)
+                { (gain > 0.0 ? p.gain : p.loss) += std::abs(gain); });
+  for_each_gain(
+      [&](std::size_t n, double gain, Volumes& p)
+      {
+        if (gain > 0.0)
+          return;
+        const double given = nodes_.rho[n] * -gain * std::min(1.0, p.gain / p.loss);
+        nodes_.M[n] -= given;
+        p.mass += given;
+      });
+  for_each_gain(
+      [&](std::size_t n, double gain, Volumes& p)
+      {
+        if (gain > 0.0)
+          nodes_.M[n] += p.mass * gain / p.gain;
+      });
 
   std::vector<MassesInMotion<dim>> had(patches.first.size());
   for (std::size_t n = 0; n < number.size(); ++n)
@@ -184,10 +211,12 @@ std::vector<MassesInMotion<dim>> Fluid<dim>::motion_of(const Patches& patches,
                                                        std::span<const Vec<dim>> v_half) const
 {
   std::vector<MassesInMotion<dim>> motion(patches.first.size());
-  for (std::size_t n = 0; n < v_half.size(); ++n)
-    if (const index_t patch = patches.of[n]; patch >= 0)
-      motion[static_cast<std::size_t>(patch)].add(nodes_.M[n], from_first(patches, patch, nodes_.x[n]),
-                                                  v_half[n]);
+  for (const index_t node : patches.nodes)
+  {
+    const auto n = static_cast<std::size_t>(node);
+    motion[static_cast<std::size_t>(patches.of[n])].add(
+        nodes_.M[n], from_first(patches, patches.of[n], nodes_.x[n]), v_half[n]);
+  }
   return motion;
 }
 
@@ -213,9 +242,12 @@ void Fluid<dim>::keep_momenta(const Patches& patches, std::span<const MassesInMo
   std::vector<Change> changes(had.size());
   const auto for_each_node = [&](auto&& visit)
   {
-    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      if (const index_t patch = patches.of[n]; patch >= 0)
-        visit(n, changes[static_cast<std::size_t>(patch)], from_first(patches, patch, nodes_.x[n]));
+    for (const index_t node : patches.nodes)
+    {
+      const auto n = static_cast<std::size_t>(node);
+      visit(n, changes[static_cast<std::size_t>(patches.of[n])],
+            from_first(patches, patches.of[n], nodes_.x[n]));
+    }
   };
   for_each_node([&](std::size_t n, Change& c, const Vec<dim>&) { c.gross += std::abs(nodes_.M[n]); });
   const std::vector<MassesInMotion<dim>> has = motion_of(patches, v_half);
@@ -279,19 +311,21 @@ Vec<dim> Fluid<dim>::as_it_may(Vec<dim> dv, std::size_t n) const
   return dv - contact_.into_walls(nodes_.x[n], near, dv) + contact_.into_walls(nodes_.x[n], near, -1.0 * dv);
 }
 
-/// Add what has been passed to the particle masses. Nodes keep their velocities, which conserves momentum of
-/// a linear field, unless that would raise the kinetic energy: then a receiver takes over as much of the
-/// velocity it received as keeps it. The coupler knows the velocity of wet nodes; they keep it.
+/// Add what has been passed to nodes begin, … , row by row, to the particle masses. Nodes keep their
+/// velocities, which conserves momentum of a linear field, unless that would raise the kinetic energy: then a
+/// receiver takes over as much of the velocity it received as keeps it. The coupler knows the velocity of wet
+/// nodes; they keep it.
 template <int dim>
 void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                           std::span<Vec<dim>> v_half, index_t begin, index_t end)
+                           std::span<Vec<dim>> v_half, index_t begin)
 {
-  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+  for (std::size_t k = 0; k < dM.size(); ++k)
   {
-    nodes_.M[n] += dM[n];
+    const std::size_t n = static_cast<std::size_t>(begin) + k;
+    nodes_.M[n] += dM[k];
     if (static_cast<index_t>(n) < n_wet_)
       continue;
-    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[n], v_half[n], received[n]);
+    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[n], v_half[n], received[k]);
     v_half[n] += dv;
     nodes_.v[n] += dv;
   }
@@ -299,17 +333,24 @@ void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<
 
 /// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
 /// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Collective:
-/// each rank sweeps over its nodes, and gets all in the end.
+/// each rank sweeps over its nodes.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
-  const auto n_nodes = static_cast<std::size_t>(nodes_.size());
-  std::vector<double> share_of_edge(n_nodes, 0.0), dM(n_nodes); // per edge of an element
-  std::vector<Received<dim>> received(n_nodes);
-  for (index_t n = 0; n < nodes_.size(); ++n)
+  const auto own_begin = static_cast<std::size_t>(team_.node_begin()),
+             own = static_cast<std::size_t>(team_.node_end()) - own_begin;
+  std::vector<double> share_of_edge(nodes_.x.size()), dM(own); // per edge of an element
+  std::vector<Received<dim>> received(own);
+  const auto share_edges = [&](index_t n)
+  {
     if (!mesh_.isolated(n))
       share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
+  };
+  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
+    share_edges(n);
+  for (const auto& ghosts : halo_.received())
+    std::for_each(ghosts.begin(), ghosts.end(), share_edges);
   const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
   const auto add = [&](const Simplex<dim>& e, const Share& share)
   {
@@ -322,35 +363,44 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
         const double s = std::min(share_of_edge[i], share_of_edge[j]),
                      mass = s * std::min(defect(from) - defect(to), std::max(nodes_.M[from], 0.0));
         if (share.owns(static_cast<index_t>(from)))
-          dM[from] -= mass;
+          dM[from - own_begin] -= mass;
         if (!share.owns(static_cast<index_t>(to)))
           continue;
-        dM[to] += mass;
-        received[to].mass += mass;
-        received[to].momentum += mass * v_half[from];
-        received[to].energy += 0.5 * mass * norm_squared(v_half[from]);
+        dM[to - own_begin] += mass;
+        Received<dim>& there = received[to - own_begin];
+        there.mass += mass;
+        there.momentum += mass * v_half[from];
+        there.energy += 0.5 * mass * norm_squared(v_half[from]);
       }
+  };
+  const auto rows = [&](const Share& share)
+  {
+    const std::size_t first = static_cast<std::size_t>(share.node_begin) - own_begin,
+                      count = static_cast<std::size_t>(share.node_end - share.node_begin);
+    return std::pair{std::span(dM).subspan(first, count), std::span(received).subspan(first, count)};
   };
   for (int sweep = 0; sweep < sweeps; ++sweep)
   {
     team_.each(
         [&](const Share& share)
         {
-          std::fill(dM.begin() + share.node_begin, dM.begin() + share.node_end, 0.0);
-          std::fill(received.begin() + share.node_begin, received.begin() + share.node_end, Received<dim>{});
+          const auto [dM_of, received_of] = rows(share);
+          std::fill(dM_of.begin(), dM_of.end(), 0.0);
+          std::fill(received_of.begin(), received_of.end(), Received<dim>{});
           for (const index_t e : share.before)
             add(mesh_.elements[static_cast<std::size_t>(e)], share);
           for (index_t e = share.element_begin; e < share.element_end; ++e)
             add(mesh_.elements[static_cast<std::size_t>(e)], share);
         });
-    team_.each([&](const Share& share)
-               { take_mass(dM, received, v_half, share.node_begin, share.node_end); });
+    team_.each(
+        [&](const Share& share)
+        {
+          const auto [dM_of, received_of] = rows(share);
+          take_mass(dM_of, received_of, v_half, share.node_begin);
+        });
     if (sweep + 1 < sweeps)
       halo_.update(nodes_.M, v_half);
   }
-  ranks().gather_rows(nodes_.M, team_.nodes_of_ranks());
-  ranks().gather_rows(nodes_.v, team_.nodes_of_ranks());
-  ranks().gather_rows(v_half, team_.nodes_of_ranks());
 }
 
 template class Fluid<2>;

@@ -51,9 +51,17 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
     return c;
   };
   std::vector<char> marked(total, 0), wider(total);
+  Vec<dim> own_lower = upper, own_upper = lower;
   for (std::size_t n = 0; n < x.size(); ++n)
     if (mine[n])
+    {
       marked[cell_of(x[n])] = 1;
+      for (int i = 0; i < dim; ++i)
+      {
+        own_lower[i] = std::min(own_lower[i], x[n][i]);
+        own_upper[i] = std::max(own_upper[i], x[n][i]);
+      }
+    }
   for (std::size_t i = dim, stride = 1; i-- > 0; stride *= cells[i])
   {
     std::fill(wider.begin(), wider.end(), 0);
@@ -66,8 +74,16 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
       }
     marked.swap(wider);
   }
+  const double margin = (static_cast<double>(rings) + 1.0) * cell; // beyond it nothing is marked
+  const auto far = [&](const Vec<dim>& p)
+  {
+    bool outside = false;
+    for (int i = 0; i < dim; ++i)
+      outside = outside || p[i] < own_lower[i] - margin || p[i] > own_upper[i] + margin;
+    return outside;
+  };
   for (std::size_t n = 0; n < x.size(); ++n)
-    if (marked[cell_of(x[n])])
+    if (mine[n] || (!far(x[n]) && marked[cell_of(x[n])]))
       near.push_back(static_cast<index_t>(n));
   return near;
 }

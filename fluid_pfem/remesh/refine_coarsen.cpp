@@ -46,10 +46,10 @@ int count_pieces(const std::array<int, 3>& pieces)
 }
 
 /// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one
-/// corner.
+/// corner. Each rank looks from its share of them.
 template <int dim>
 void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
-                  std::vector<Edge>& close)
+                  const Ranks& ranks, std::vector<Edge>& close)
 {
   constexpr double touching = 0.1; // of the spacing
   std::vector<std::pair<std::array<long, dim>, index_t>> cells;
@@ -74,15 +74,17 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
       cells.emplace_back(cell, n);
     }
   std::sort(cells.begin(), cells.end());
-  for (const auto& [cell, n] : cells)
+  const auto [first, last] = rows_of_rank(cells.size(), ranks);
+  for (std::size_t k = first; k < last; ++k)
   {
+    const auto& [cell, n] = cells[k];
     int offsets = 1;
     for (int i = 0; i < dim; ++i)
       offsets *= 3;
-    for (int k = 0; k < offsets; ++k)
+    for (int offset = 0; offset < offsets; ++offset)
     {
       std::array<long, dim> near = cell;
-      for (int i = 0, rest = k; i < dim; ++i, rest /= 3)
+      for (int i = 0, rest = offset; i < dim; ++i, rest /= 3)
       {
         long& c = near[static_cast<std::size_t>(i)];
         c += rest % 3 - 1;
@@ -125,12 +127,12 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
         else if (length > std::min(rules.split, rules.split_wall))
           far.push_back({-length, i, j});
       }
+  add_touching(nodes, wall_pieces, ranks, close);
   if (!ranks.alone())
   {
     close = ranks.gather(close);
     far = ranks.gather(far);
   }
-  add_touching(nodes, wall_pieces, close);
   if (close.empty() && far.empty())
     return {};
   std::set<std::pair<index_t, index_t>> boundary_edges;

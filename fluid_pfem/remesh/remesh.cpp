@@ -124,15 +124,14 @@ std::vector<char> Fluid<dim>::part_of_rank(const SpacingReport& spacing) const
   return mine;
 }
 
-/// Of the parts that each rank has chosen the whole. Collective.
+/// One rank's part of simplices that all ranks have.
 template <int dim>
-void Fluid<dim>::put_together(ShapeChoice<dim>& choice) const
+std::vector<Simplex<dim>> Fluid<dim>::part_of_all(std::vector<Simplex<dim>> simplices) const
 {
-  if (ranks().alone())
-    return;
-  choice.elements = ranks().gather(choice.elements);
-  choice.gaps = ranks().gather(choice.gaps);
-  ranks().sum({&choice.created, &choice.dropped});
+  const auto [begin, end] = rows_of_rank(simplices.size(), ranks());
+  simplices.erase(simplices.begin() + static_cast<std::ptrdiff_t>(end), simplices.end());
+  simplices.erase(simplices.begin(), simplices.begin() + static_cast<std::ptrdiff_t>(begin));
+  return simplices;
 }
 
 namespace
@@ -164,7 +163,7 @@ void Fluid<dim>::remesh()
   collect();
   if (!bad) // the same elements, but other nodes are near the solid
   {
-    auto elements = std::move(mesh_.elements);
+    auto elements = part_of_all(std::move(mesh_.elements));
     renumber(gaps_, order_nodes(elements));
     finish_mesh(std::move(elements));
     collected_ = ranks().alone();
@@ -214,8 +213,8 @@ void Fluid<dim>::remesh()
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], brought_out * nodes_.h[n]);
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(part_of_rank(spacing)), old_x,
                                               mesh_.elements, config_.element_size, config_.remesh.shape);
-  put_together(choice);
   drop_fragments(choice);
+  ranks().sum({&choice.created, &choice.dropped});
   pieces = std::vector<std::array<int, 3>>();
   // The number that each old node has come to bear; a node that was merged is where the other one is.
   std::vector<index_t> number(old_x.size());
@@ -231,14 +230,14 @@ void Fluid<dim>::remesh()
   const auto deleted = delete_isolated_nodes(choice.elements), ordered = order_nodes(choice.elements);
   follow(deleted);
   follow(ordered);
-  gaps_ = std::move(choice.gaps);
+  gaps_ = ranks().gather(choice.gaps);
   renumber(gaps_, deleted);
   renumber(gaps_, ordered);
   gaps_ = sorted_elements<dim>(nodes_.size(), std::move(gaps_));
   const std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   v_half = half_step_velocity();
-  std::vector<Simplex<dim>> old_elements = mesh_.elements;
+  std::vector<Simplex<dim>> old_elements = std::move(mesh_.elements);
   finish_mesh(std::move(choice.elements));
   hand_over_mass(changed_elements(std::move(old_elements), old_x, number), old, number, V_before, v_half);
 
@@ -313,6 +312,7 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(nodes_.period.wrapped(centroid));
                   });
+  elements = part_of_all(std::move(elements));
   renumber(delaunay, order_nodes(elements));
   finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
@@ -328,35 +328,45 @@ void Fluid<dim>::triangulate()
   collected_ = ranks().alone();
 }
 
+/// What walls and solid all nodes are on; each rank looks at its own. Collective.
 template <int dim>
 std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 {
+  struct OnPieces
+  {
+    std::size_t node;
+    std::array<int, 3> pieces;
+  };
+  std::vector<OnPieces> found;
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  if (!contact_.empty() || !solid_.empty())
+    for (std::size_t n = begin; n < end; ++n)
+    {
+      OnPieces here{.node = n, .pieces = {-1, -1, -1}};
+      if (!contact_.empty())
+        here.pieces = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
+      if (!solid_.empty())
+        for (const int side : solid_.sides_at(nodes_.x[n], on_wall_within * nodes_.h[n]))
+          if (const auto free = std::find(here.pieces.begin(), here.pieces.end(), -1);
+              side >= 0 && free != here.pieces.end())
+            *free = side;
+      if (here.pieces[0] >= 0)
+        found.push_back(here);
+    }
   std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
-  if (!contact_.empty())
-    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      pieces[n] = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
-  if (!solid_.empty())
-    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      for (const int side : solid_.sides_at(nodes_.x[n], on_wall_within * nodes_.h[n]))
-        if (const auto free = std::find(pieces[n].begin(), pieces[n].end(), -1);
-            side >= 0 && free != pieces[n].end())
-          *free = side;
+  for (const OnPieces& here : ranks().gather(found))
+    pieces[here.node] = here.pieces;
   return pieces;
 }
 
 /// Elements sorted and shared out; each rank finds the fans of its nodes. Collective.
+/// @param elements of this rank: those of all ranks make up the mesh
 template <int dim>
 void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
 {
-  mesh_.elements = sorted_elements<dim>(nodes_.size(), std::move(elements));
-  const auto elements_below = [this](index_t n) // elements are sorted by their smallest node
-  {
-    return static_cast<index_t>(std::partition_point(mesh_.elements.begin(), mesh_.elements.end(),
-                                                     [n](const Simplex<dim>& e) { return e[0] < n; }) -
-                                mesh_.elements.begin());
-  };
-  e_wet_ = elements_below(n_wet_);
-  e_layer_ = elements_below(n_layer_);
+  mesh_.elements = gather_sorted<dim>(sorted_elements<dim>(nodes_.size(), std::move(elements)), ranks());
+  e_wet_ = first_element_from<dim>(mesh_.elements, n_wet_);
+  e_layer_ = first_element_from<dim>(mesh_.elements, n_layer_);
   team_.share_out(nodes_.size(), mesh_, e_layer_);
   find_fans<dim>(mesh_, nodes_.size(), team_.node_begin(), team_.node_end());
   if (!ranks().alone())
@@ -421,13 +431,14 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   limit_tension(begin, end);
   mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
   cool();
-  sums_.reset(n_nodes);
+  sums_.reset(n_nodes, begin, end);
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
-  const std::vector<Vec<dim>> v = nodes_.v, a = nodes_.a;
+  const std::vector<Vec<dim>> v(nodes_.v.begin() + begin, nodes_.v.begin() + end),
+      a(nodes_.a.begin() + begin, nodes_.a.begin() + end);
   for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-    nodes_.v[i] -= 0.5 * dt_before_ * a[i];
+    nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
   record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
   halo_.update(sums_.record, nodes_.m);
   each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
@@ -442,7 +453,7 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
       constrain(nodes_.a[static_cast<std::size_t>(n)], n);
   find_impedance();
   let_waves_out(dt_before_, false);
-  nodes_.v = v;
+  std::copy(v.begin(), v.end(), nodes_.v.begin() + begin);
   // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
   // it and that of the new mesh.
   if (!contact_.empty())
@@ -451,7 +462,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
       {
         const auto push = [&](const Vec<dim>& kick)
         { return contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], kick); };
-        nodes_.v[i] += (0.5 * dt_before_) * (push(nodes_.a[i]) - push(a[i]));
+        nodes_.v[i] +=
+            (0.5 * dt_before_) * (push(nodes_.a[i]) - push(a[i - static_cast<std::size_t>(begin)]));
       }
   openings_.drive(nodes_, t_);
 
@@ -514,12 +526,13 @@ void Fluid<dim>::flag_nodes()
 /// One or two elements that hang together with no others are spray: as fluid they would be a spring between
 /// few nodes that snaps. Their nodes fly. Elements decide by what is at their nodes: where three meet in a
 /// node, or one meets two others, the group is large enough, and the neighbours of such elements belong to
-/// it.
+/// it. Each rank decides on the elements it has chosen. Where three of these meet, three meet; of the few
+/// others all ranks know all. Collective.
 template <int dim>
 void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 {
   const auto n_nodes = nodes_.x.size();
-  std::vector<index_t> count(n_nodes, 0); // of elements
+  std::vector<std::int64_t> count(n_nodes, 0); // of elements
   for (const auto& e : choice.elements)
     for (const index_t n : e)
       ++count[static_cast<std::size_t>(n)];
@@ -527,6 +540,34 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
   {
     return std::any_of(e.begin(), e.end(), [&](index_t n) { return count[static_cast<std::size_t>(n)] > 2; });
   };
+  std::vector<Simplex<dim>> few; // that may not be crowded
+  std::copy_if(choice.elements.begin(), choice.elements.end(), std::back_inserter(few),
+               [&](const Simplex<dim>& e) { return !crowded(e); });
+  few = ranks().gather(few);
+  if (few.empty())
+    return;
+  std::vector<char> large(n_nodes, 0); // a node of an element that hangs together with enough others
+  for (const auto& e : choice.elements)
+    if (crowded(e))
+      for (const index_t n : e)
+        large[static_cast<std::size_t>(n)] = 1;
+  if (!ranks().alone()) // of the nodes of the few, what all ranks have there
+  {
+    std::vector<index_t> nodes;
+    for (const auto& e : few)
+      nodes.insert(nodes.end(), e.begin(), e.end());
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+    std::vector<std::int64_t> there;
+    for (const index_t n : nodes)
+      there.insert(there.end(), {count[static_cast<std::size_t>(n)], large[static_cast<std::size_t>(n)]});
+    ranks().sum(there);
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+    {
+      count[static_cast<std::size_t>(nodes[k])] = there[2 * k];
+      large[static_cast<std::size_t>(nodes[k])] = there[2 * k + 1] > 0;
+    }
+  }
   const auto name = [&](const Simplex<dim>& e)
   {
     std::uint64_t sum = 0; // of mixed identifiers: no order
@@ -535,7 +576,7 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
     return mixed(sum);
   };
   std::vector<std::uint64_t> names(n_nodes, 0); // of the elements at a node, combined
-  for (const auto& e : choice.elements)
+  for (const auto& e : few)
     if (!crowded(e))
       for (const index_t n : e)
         names[static_cast<std::size_t>(n)] ^= name(e);
@@ -554,8 +595,7 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
       }
     return false;
   };
-  std::vector<char> large(n_nodes, 0);
-  for (const auto& e : choice.elements)
+  for (const auto& e : few)
     if (is_large(e))
       for (const index_t n : e)
         large[static_cast<std::size_t>(n)] = 1;
@@ -576,21 +616,33 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
                 });
 }
 
+/// Collective.
+/// @param elements of this rank
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
 {
   if (config_.remesh.delete_isolated_after == 0)
     return {};
-  std::vector<char> used(nodes_.x.size(), 0);
+  std::vector<char> gone(nodes_.x.size(), 0);
+  bool some = false;
+  for (std::size_t n = 0; n < gone.size(); ++n)
+  {
+    gone[n] = nodes_.alone[n] >= config_.remesh.delete_isolated_after;
+    some = some || gone[n];
+  }
+  if (!some)
+    return {};
+  std::vector<index_t> used; // again
   for (const auto& e : elements)
     for (const index_t n : e)
-      used[static_cast<std::size_t>(n)] = 1;
-  std::vector<char> gone(nodes_.x.size(), 0);
+      if (gone[static_cast<std::size_t>(n)])
+        used.push_back(n);
+  for (const index_t n : ranks().gather(used))
+    gone[static_cast<std::size_t>(n)] = 0;
   for (std::size_t n = 0; n < gone.size(); ++n)
-    if (!used[n] && nodes_.alone[n] >= config_.remesh.delete_isolated_after)
+    if (gone[n])
     {
-      gone[n] = 1;
       ++ledger_.deleted_nodes;
       ledger_.deleted_mass += nodes_.M[n];
     }
@@ -711,7 +763,8 @@ void Fluid<dim>::choose_slow_axis()
 /// Wet nodes first, then their neighbours, then the rest; inside each group by rows of two spacings, the
 /// longest axis slowest, then by identifier. Rows are those of a node's birth or of the last time that all
 /// were renewed: neighbours in space should be neighbours in memory, but need not be every time. The order is
-/// one of the nodes, whoever holds them, and with it the order in which elements are summed.
+/// one of the nodes, whoever holds them, and with it the order in which elements are summed. Collective.
+/// @param elements of this rank
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
@@ -735,31 +788,24 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
     }
   const std::vector<char> group = wet_groups(elements);
 
-  struct Place
+  const auto before = [&](index_t a, index_t b)
   {
-    char group;
-    std::int64_t row;
-    global_index_t id;
-    index_t n;
-    bool operator<(const Place& b) const
-    {
-      return group != b.group ? group < b.group : row != b.row ? row < b.row : id < b.id;
-    }
+    const auto n = static_cast<std::size_t>(a), m = static_cast<std::size_t>(b);
+    if (!group.empty() && group[n] != group[m])
+      return group[n] < group[m];
+    return nodes_.row[n] != nodes_.row[m] ? nodes_.row[n] < nodes_.row[m] : nodes_.id[n] < nodes_.id[m];
   };
-  std::vector<Place> places(n_nodes);
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    places[n] = {group.empty() ? char{0} : group[n], nodes_.row[n], nodes_.id[n], static_cast<index_t>(n)};
-  const auto sorted = std::is_sorted_until(places.begin(), places.end()); // mostly all but the new ones
-  if (sorted == places.end())
+  index_t sorted = 1; // mostly all but the new ones
+  while (sorted < nodes_.size() && !before(sorted, sorted - 1))
+    ++sorted;
+  if (sorted >= nodes_.size())
     return {};
-  std::sort(sorted, places.end());
-  std::inplace_merge(places.begin(), sorted, places.end());
   std::vector<index_t> old_of_new(n_nodes), new_of_old(n_nodes);
+  std::iota(old_of_new.begin(), old_of_new.end(), 0);
+  std::sort(old_of_new.begin() + sorted, old_of_new.end(), before);
+  std::inplace_merge(old_of_new.begin(), old_of_new.begin() + sorted, old_of_new.end(), before);
   for (std::size_t n = 0; n < n_nodes; ++n)
-  {
-    old_of_new[n] = places[n].n;
-    new_of_old[static_cast<std::size_t>(places[n].n)] = static_cast<index_t>(n);
-  }
+    new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
   delaunay_.renumber(new_of_old);
   for (auto& e : elements)
@@ -768,7 +814,8 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   return new_of_old;
 }
 
-/// 0 for wet nodes, 1 for their neighbours, 2 for the rest; empty where there can be no wet ones.
+/// 0 for wet nodes, 1 for their neighbours, 2 for the rest; empty where there can be no wet ones. Collective.
+/// @param elements of this rank
 template <int dim>
 std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elements)
 {
@@ -777,18 +824,32 @@ std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elemen
   if (wet_mask_ == 0 && solid_.empty())
     return {};
   const auto n_nodes = nodes_.x.size();
-  std::vector<char> used(n_nodes, 0), group(n_nodes, 2);
-  for (const auto& e : elements)
-    for (const index_t n : e)
-      used[static_cast<std::size_t>(n)] = 1;
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (((nodes_.surface[n] & wet_mask_) && used[n]) ||
-        solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
-      group[n] = 0;
-  for (const auto& e : elements)
-    if (std::any_of(e.begin(), e.end(), [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; }))
+  std::vector<char> group(n_nodes, 2);
+  // Nodes that an element of some rank finds, each once from every rank.
+  const auto put = [&](char found, auto&& finds)
+  {
+    std::vector<index_t> nodes;
+    for (const auto& e : elements)
       for (const index_t n : e)
-        group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], char{1});
+        if (char& g = group[static_cast<std::size_t>(n)]; g > found && finds(e, n))
+        {
+          g = found;
+          nodes.push_back(n);
+        }
+    for (const index_t n : ranks().gather(nodes))
+      group[static_cast<std::size_t>(n)] = std::min(group[static_cast<std::size_t>(n)], found);
+  };
+  put(0, [&](const Simplex<dim>&, index_t n)
+      { return (nodes_.surface[static_cast<std::size_t>(n)] & wet_mask_) != 0; });
+  for (std::size_t n = 0; n < n_nodes; ++n)
+    if (solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
+      group[n] = 0;
+  put(1,
+      [&](const Simplex<dim>& e, index_t)
+      {
+        return std::any_of(e.begin(), e.end(),
+                           [&](index_t n) { return group[static_cast<std::size_t>(n)] == 0; });
+      });
   for (const char g : group)
   {
     n_wet_ += g == 0;

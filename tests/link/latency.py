@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Latency of an exchange (free velocity out, link force in) for clients in C++, C and Python, idle and on busy cores.
 
-Example: latency.py --build build/release
+Examples: latency.py --build build/release
+          latency.py --build build/release --clients C++ --cores idle --nodes 100 1000 10000 100000   (docs/benchmarks/scaling.md)
 
 Three processes: a coupler and a fluid without physics (link_actor), and the client as the fine side, 20 exchanges per
 window. Prints rows of docs/protocol.md: microseconds per exchange, best and median of five runs; the clients take turns.
@@ -44,6 +45,8 @@ def main():
     parser.add_argument("--build", required=True)
     parser.add_argument("--cores", choices=["idle", "busy"], nargs="+", default=["idle", "busy"])
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--clients", choices=["C++", "C", "Python"], nargs="+", default=["C++", "C", "Python"])
+    parser.add_argument("--nodes", type=int, nargs="+", default=[64, 640], help="of the interface, in the plane")
     options = parser.parse_args()
     build = Path(options.build).resolve()
     clients = {"C++": lambda n: [str(build / "tests" / "link_actor"), "--role=solid", f"--nodes={n}", "--hello=20", "--start=20"],
@@ -58,17 +61,17 @@ def main():
             if cores == "busy":
                 hogs = [subprocess.Popen(["/usr/bin/python3", "-c", "while True: pass"]) for _ in range(os.cpu_count())]
             try:
-                for name, client in clients.items():
-                    for nodes in (64, 640):
-                        seen.setdefault((name, nodes), []).append(once(build, client(nodes), nodes, 20 if cores == "busy" else 200))
+                for name in options.clients:
+                    for nodes in options.nodes:
+                        seen.setdefault((name, nodes), []).append(once(build, clients[name](nodes), nodes, 20 if cores == "busy" or nodes > 20000 else 200))
             finally:
                 for hog in hogs:
                     hog.kill()
                     hog.wait()
         print(f"{cores}: before each run others used {' '.join(f'{100 * part:.0f}' for part in others)} % of the cores")
-        print("| client | cores | 64 nodes (1 kB) | 640 nodes (10 kB) |\n| --- | --- | --- | --- |")
-        for name in clients:
-            cells = [f"{min(runs):.1f} / {statistics.median(runs):.1f}" for runs in (seen[name, 64], seen[name, 640])]
+        print("| client | cores | " + " | ".join(f"{n} nodes ({n // 64} kB)" for n in options.nodes) + " |\n| --- | --- |" + " --- |" * len(options.nodes))
+        for name in options.clients:
+            cells = [f"{min(runs):.1f} / {statistics.median(runs):.1f}" for runs in (seen[name, nodes] for nodes in options.nodes)]
             print(f"| {name} | {cores} | {' | '.join(cells)} |", flush=True)
 
 
