@@ -326,6 +326,7 @@ double cook(const Kind& kind, const std::string& law, double E, double nu, doubl
   const double thickness = dim == 3 ? 48.0 / cells : 1.0;
   const double omega = std::sqrt(F / (0.25 * 1440.0 * expected));
   config.material.mass_damping = 2.0 * omega;
+  config.measures_frequency = true; // what comes to rest does not depend on the step
   config.fix = {
       {"left", dim == 2 ? std::vector<std::string>{"x", "y"} : std::vector<std::string>{"x", "y", "z"}}};
   if (dim == 3)
@@ -379,7 +380,8 @@ TEST_CASE("Cook's membrane in plane stress", "[solid][verification][cook]")
   CHECK(std::abs(fine / 23.96 - 1.0) < 0.55 * std::abs(coarse / 23.96 - 1.0));
 }
 
-// Tolerance of the benchmark table: 5 %; full integration is off by half.
+// Tolerance of the benchmark table: 5 %; full integration is off by half. Triangles need 32 cells along a
+// side (16: 9 %).
 TEST_CASE("nothing locks in Cook's nearly incompressible membrane but full integration",
           "[solid][verification][cook]")
 {
