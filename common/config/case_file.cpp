@@ -123,6 +123,8 @@ void apply_override(Node& root, const std::string& path, const std::string& entr
   const std::vector<std::string> words = split_key(entry.substr(0, equals));
   if (std::any_of(words.begin(), words.end(), [](const std::string& word) { return word.empty(); }))
     fail(6, std::max<std::size_t>(1, equals), "an override reads table.key=value");
+  if (words.size() > toml_tree::max_depth)
+    fail(6, equals, fmt::format("a key of more than {} words", toml_tree::max_depth));
 
   const Place key_place{.line = 0, .column = 6, .length = equals, .text = line};
   Node* node = &root;

@@ -14,14 +14,17 @@ struct Expression::Parser
 {
   Parser(const std::string& formula, const std::string& where) : formula(formula), where(where)
   {
+    if (formula.size() > longest)
+      throw InputError(where + ": a formula of " + std::to_string(formula.size()) +
+                       " characters; the limit is " + std::to_string(longest));
     parser.DefineConst("pi", std::acos(-1.0));
     parser.DefineVar("x", &x);
     parser.DefineVar("y", &y);
     parser.DefineVar("z", &z);
     parser.DefineVar("t", &t);
-    parser.SetExpr(formula);
     try
     {
+      parser.SetExpr(formula);
       parser.Eval(); // compiles, so that mistakes show here
     }
     catch (const mu::Parser::exception_type& error)
@@ -31,6 +34,7 @@ struct Expression::Parser
                        "). A formula may use x, y, z, t, pi and the usual functions");
     }
   }
+  static constexpr std::size_t longest = 10000; ///< muParser takes 100000, but not with so many brackets
   std::string formula, where;
   mu::Parser parser;
   double x = 0.0, y = 0.0, z = 0.0, t = 0.0;

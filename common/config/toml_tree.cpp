@@ -201,11 +201,64 @@ void require_utf8(const std::string& text, const std::string& path)
   }
 }
 
+/// toml11 goes down a level of the stack for every bracket and our tree for every word of a key: refuse what
+/// nobody writes, before.
+void require_shallow(const std::string& text, const std::string& path)
+{
+  std::size_t line = 1, line_begin = 0, brackets = 0, dots = 0;
+  std::string_view quote; // of the text in which we are
+  for (std::size_t i = 0; i < text.size(); ++i)
+  {
+    const std::string_view rest = std::string_view(text).substr(i);
+    if (rest[0] == '\n')
+    {
+      ++line;
+      line_begin = i + 1;
+      dots = 0;
+      if (quote.size() == 1)
+        quote = {}; // not closed: toml11 says so
+    }
+    else if (!quote.empty())
+    {
+      if (rest[0] == '\\' && quote[0] == '"' && rest.size() > 1 && rest[1] != '\n')
+        ++i;
+      else if (rest.starts_with(quote))
+      {
+        i += quote.size() - 1;
+        for (int own = 0; own < 2 && quote.size() == 3 && i + 1 < text.size() && text[i + 1] == quote[0];
+             ++own)
+          ++i; // up to two quotes may stand before the closing three
+        quote = {};
+      }
+    }
+    else if (rest[0] == '#')
+      i = std::min(text.find('\n', i), text.size()) - 1;
+    else if (rest[0] == '"' || rest[0] == '\'')
+    {
+      const bool several_lines = rest.starts_with(R"(""")") || rest.starts_with("'''");
+      quote = rest.substr(0, several_lines ? 3 : 1);
+      i += quote.size() - 1;
+    }
+    else
+    {
+      brackets += rest[0] == '[' || rest[0] == '{';
+      brackets -= (rest[0] == ']' || rest[0] == '}') && brackets > 0;
+      dots = std::string_view("=,[{").find(rest[0]) != std::string_view::npos ? 0 : dots + (rest[0] == '.');
+      if (brackets > max_depth || dots >= max_depth)
+        throw InputError(fmt::format(
+            "{}:{}:{}: more than {} levels: {}", path, line,
+            count_characters(std::string_view(text).substr(line_begin, i - line_begin)) + 1, max_depth,
+            dots >= max_depth ? "a case has keys of few words" : "is a bracket not closed?"));
+    }
+  }
+}
+
 } // namespace
 
 Node parse(const std::string& text, const std::string& path)
 {
   require_utf8(text, path);
+  require_shallow(text, path);
   std::istringstream stream(text);
   try
   {

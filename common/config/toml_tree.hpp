@@ -55,8 +55,11 @@ public:
   using InputError::InputError;
 };
 
+/// Levels of a case: brackets in each other, and words of a dotted key.
+inline constexpr std::size_t max_depth = 32;
+
 /// The root table of `text`; `path` names it in messages. Throws SyntaxError with line, source and caret, and
-/// InputError where the text is not UTF-8.
+/// InputError where the text is not UTF-8 or deeper than `max_depth`.
 Node parse(const std::string& text, const std::string& path);
 
 /// Place of the key in front of its value: toml11 keeps none, so it is the last word of that name there.

@@ -4,27 +4,21 @@
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/run.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
+#include "tests/support/clocks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <vector>
 
 using namespace undine;
 using namespace undine::fluid;
+using test::cpu_seconds;
 
 namespace
 {
-
-double cpu_seconds()
-{
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 void print(const char* flow, int resolution, const Fluid<2>& fluid, double cpu, double error)
 {

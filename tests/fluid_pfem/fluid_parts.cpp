@@ -8,29 +8,18 @@
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/distortion.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
+#include "tests/support/clocks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>
-#include <ctime>
 #include <span>
 #include <vector>
 
 using namespace undine;
 using namespace undine::fluid;
-
-namespace
-{
-
-double cpu_seconds()
-{
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-} // namespace
+using test::cpu_seconds;
 
 int main(int argc, char** argv)
 {

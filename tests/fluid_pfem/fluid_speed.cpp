@@ -7,13 +7,13 @@
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
+#include "tests/support/clocks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <ctime>
 #include <fstream>
 #include <string>
 #include <utility>
@@ -21,23 +21,11 @@
 
 using namespace undine;
 using namespace undine::fluid;
+using test::cpu_seconds;
+using test::wall_seconds;
 
 namespace
 {
-
-double cpu_seconds()
-{
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-double wall_seconds()
-{
-  timespec t{};
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// Of this program image; getrusage would tell the peak of whoever started it.
 double peak_bytes()

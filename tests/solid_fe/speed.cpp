@@ -4,9 +4,9 @@
 //   build/release/tests/solid_speed --skips [elements]    what work that is left out would cost
 #include "common/mesh/mesh.hpp"
 #include "solid_fe/solid.hpp"
+#include "tests/support/clocks.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -20,11 +20,7 @@ namespace
 
 using namespace undine;
 using namespace undine::solid;
-
-double seconds_now()
-{
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+using undine::test::wall_seconds;
 
 /// Bytes per second of a ← b + s c over arrays that fit no cache, best of five (STREAM's triad).
 double triad_bandwidth()
@@ -34,10 +30,10 @@ double triad_bandwidth()
   double best = std::numeric_limits<double>::infinity();
   for (int repeat = 0; repeat < 5; ++repeat)
   {
-    const double begin = seconds_now();
+    const double begin = wall_seconds();
     for (std::size_t k = 0; k < n; ++k)
       a[k] = b[k] + 3.0 * c[k];
-    best = std::min(best, seconds_now() - begin);
+    best = std::min(best, wall_seconds() - begin);
     b[static_cast<std::size_t>(repeat)] = a[n / 2];
   }
   return 24.0 * static_cast<double>(n) / best;
@@ -99,17 +95,17 @@ void measure(const char* name, ElementType type, Formulation formulation, const 
   double best = std::numeric_limits<double>::infinity();
   for (int repeat = 0; repeat < 5; ++repeat)
   {
-    const double begin = seconds_now();
+    const double begin = wall_seconds();
     for (int k = 0; k < steps; ++k)
     {
       solid.predict(dt);
       solid.solve_free_motion(dt);
     }
-    best = std::min(best, seconds_now() - begin);
+    best = std::min(best, wall_seconds() - begin);
   }
-  const double begin = seconds_now();
+  const double begin = wall_seconds();
   const double bound = solid.critical_time_step();
-  const double look = seconds_now() - begin;
+  const double look = wall_seconds() - begin;
   const double count = static_cast<double>(solid.n_elements());
   const double ns = 1e9 * best / steps / count, bytes = bytes_per_element(solid);
   std::printf("| %-16s | %-22s | %8d | %8.1f | %6.0f | %6.2f | %8.1f |\n", name, flows ? "j2, flowing" : law,
@@ -126,13 +122,13 @@ std::pair<double, double> beside(Solid<dim>& a, Solid<dim>& b)
   for (int repeat = 0; repeat < 9; ++repeat)
     for (auto* solid : {&a, &b})
     {
-      const double begin = seconds_now();
+      const double begin = wall_seconds();
       for (int k = 0; k < 10; ++k)
       {
         solid->predict(dt);
         solid->solve_free_motion(dt);
       }
-      (solid == &a ? of_a : of_b).push_back(1e8 * (seconds_now() - begin) / solid->n_elements());
+      (solid == &a ? of_a : of_b).push_back(1e8 * (wall_seconds() - begin) / solid->n_elements());
     }
   std::sort(of_a.begin(), of_a.end());
   std::sort(of_b.begin(), of_b.end());

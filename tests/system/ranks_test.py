@@ -116,6 +116,9 @@ class Longer(RanksTest):
     def test_an_elastic_gate_in_contact(self):
         self.same("elastic_gate", (2, 3, 4, 8), 0.06, "run.resolution=20", solid=lambda n: min(n, 4))
 
+    def test_a_beam_in_water(self):
+        self.same("beam_in_channel", (2,), 0.05, solid=lambda n: n)
+
     def test_waves_and_drops(self):
         self.same("standing_wave", (2, 4), 0.5, "run.resolution=40")
 

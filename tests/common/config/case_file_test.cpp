@@ -207,6 +207,45 @@ TEST_CASE("a file in another encoding is refused with its place", "[common][unit
     CHECK(error_of([&good] { parse("# " + good); }) == "");
 }
 
+TEST_CASE("what goes too deep is refused, however deep", "[common][unit]")
+{
+  const auto repeat = [](const std::string& word, std::size_t n)
+  {
+    std::string text;
+    for (std::size_t k = 0; k < n; ++k)
+      text += word;
+    return text;
+  };
+  for (const std::size_t n : {33ul, 1000ul, 1000000ul})
+  {
+    CHECK(error_of([&] { parse("[run]\nx = " + repeat("[", n)); }) ==
+          "cases/a/case.toml:2:37: more than 32 levels: is a bracket not closed?");
+    CHECK(
+        error_of([&] { parse("x = " + repeat("[\n", n)); }).starts_with("cases/a/case.toml:33:1: more than"));
+    CHECK(error_of([&] { parse("x = " + repeat("{a=", n)); }).find("more than 32 levels") !=
+          std::string::npos);
+    CHECK(error_of([&] { parse(repeat("a.", n) + "b = 1"); }) ==
+          "cases/a/case.toml:1:64: more than 32 levels: a case has keys of few words");
+    CHECK(error_of([&] { parse("[" + repeat("a.", n) + "b]"); }).find("more than 32") != std::string::npos);
+    CHECK(error_of([&] { parse("", {repeat("a.", n) + "b=1"}); }).find("more than 32 words") !=
+          std::string::npos);
+    CHECK(error_of([&] { parse("", {"a=" + repeat("[", n)}); }).find("more than 32 levels") !=
+          std::string::npos);
+  }
+  for (const std::string quotes :
+       {"\"\"\"", "\"\"\"\"", "\"\"\"\"\"", "''''"}) // closing a text on several lines
+    CHECK(error_of([&] { parse("x = [" + quotes.substr(0, 3) + "a" + quotes + ", " + repeat("[", 100000)); })
+              .find("more than 32 levels") != std::string::npos);
+  // as deep as may be, and what only looks deep
+  CHECK(error_of([&] { parse("x = " + repeat("[", 32) + repeat("]", 32)); }) == "");
+  CHECK(error_of([&] { parse(repeat("a.", 31) + "b = 1"); }) == "");
+  for (const std::string quote : {"\"", "'", "\"\"\"", "'''"})
+    CHECK(error_of([&] { parse("x = " + quote + repeat("[.", 40) + quote); }) == "");
+  CHECK(error_of([&] { parse("x = \"\\\"" + repeat("[", 40) + "\" # " + repeat("[", 40)); }) == "");
+  CHECK(error_of([&] { parse("x = [" + repeat("0.5, ", 100) + "[1]]"); }) == "");
+  CHECK(error_of([&] { parse(repeat("# interval [0, 1)\n", 100)); }) == "");
+}
+
 TEST_CASE("only schema 1 is accepted", "[common][unit]")
 {
   CHECK_NOTHROW(parse("schema = 1"));
