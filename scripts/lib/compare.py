@@ -205,8 +205,17 @@ def compare_all(case, settings, out):
             print(f"  {reference['name']:24s} {reference['measure']:18s} not measured: the run is too short for it")
             continue
         results.append({"name": reference["name"], "measure": reference["measure"], "value": value, "reference": target, "error": error,
-                        "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"])})
+                        "tolerance": reference["tolerance"], "pass": bool(error <= reference["tolerance"]),
+                        **({"band": reference["band"]} if reference["measure"].startswith("peak") else {})})
     return results
+
+
+def accepted(c):
+    """What a comparison accepts, in words: the band of a peak, or the largest error."""
+    if "band" not in c:
+        return f"tolerance {c['tolerance']:.1e}"
+    low, high = c["band"]
+    return f"in {low:g} to {high:g}" + (f" or {100 * c['tolerance']:g} % beside it" if c["tolerance"] > 0 else "")
 
 
 def print_table(summary, out):
@@ -218,5 +227,5 @@ def print_table(summary, out):
         if isinstance(value, (int, float)):
             print(f"  {key:24s} {value: .3e}")
     for c in summary["comparisons"]:
-        print(f"  {c['name']:24s} {c['measure']:18s} value {c['value']:.4g}  error {c['error']:.3e}  tolerance {c['tolerance']:.1e}  {'pass' if c['pass'] else 'FAIL'}")
+        print(f"  {c['name']:24s} {c['measure']:18s} value {c['value']:.4g}  error {c['error']:.3e}  {accepted(c)}  {'pass' if c['pass'] else 'FAIL'}")
     print(f"output: {out}")

@@ -51,8 +51,8 @@ def headline(summary):
 
 
 def comparisons(found):
-    return rows(["comparison", "measure", "value", "reference", "error", "tolerance", ""],
-                [[html.escape(c["name"]), c["measure"].replace("_", " "), number(c["value"]), number(c["reference"]), f"{c['error']:.2e}", f"{c['tolerance']:.1e}",
+    return rows(["comparison", "measure", "value", "reference", "error", "accepted", ""],
+                [[html.escape(c["name"]), c["measure"].replace("_", " "), number(c["value"]), number(c["reference"]), f"{c['error']:.2e}", compare.accepted(c),
                   "<span class=pass>pass</span>" if c["pass"] else "<span class=fail>FAIL</span>"] for c in found], numeric=(2, 3, 4, 5))
 
 
