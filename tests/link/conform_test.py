@@ -53,6 +53,7 @@ def main():
                 ["/usr/bin/python3", "-c", f"import {arguments.client}"], stderr=subprocess.DEVNULL).returncode != 0:
             print(f"skip: there is no {arguments.client} here")
             return 77
+        # The limit catches a program that hangs; on a full machine MPI alone has taken more than 15 s to start one.
         line = [str(w) for w in [build / "bin" / "undine-conform", "--limit", "60", *options, "--", *words]]
         print(" ".join(line), flush=True)
         done = subprocess.run(line, env=dict(os.environ, PYTHONPATH=str(build / "lib")), stdout=subprocess.PIPE, text=True)

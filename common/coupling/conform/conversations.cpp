@@ -69,6 +69,27 @@ void judge_mesh(const SurfaceMesh& mesh, const Options& options, Findings& findi
                   "the inverse masses of MESH are symmetric and not negative, and some node can move");
 }
 
+/// SETUP of scheme "contact" to the first READY.
+Report begin_contact(PartnerLink& link, const Options& options, SurfaceMesh& mesh)
+{
+  Setup setup = setup_of(options);
+  setup.scheme = contact_scheme;
+  link.send_setup(setup);
+  mesh = link.receive_mesh();
+  link.accept_mesh();
+  return link.receive_report();
+}
+
+/// The force of step `k` of the plan with one exchange per window: the push over its length, or none.
+std::vector<double> push_in(const std::vector<double>& p, double dt, std::size_t k, const Push& push)
+{
+  std::vector<double> f(p.size(), 0.0);
+  if (static_cast<int>(k) == push.exchange)
+    for (std::size_t i = 0; i < p.size(); ++i)
+      f[i] = p[i] / dt;
+  return f;
+}
+
 /// Level A: the plan's windows with one step each, the push as the force of a whole window.
 Record converse_with_forces(PartnerLink& link, const Options& options, const Push& push, Findings* findings)
 {
@@ -95,11 +116,7 @@ Record converse_with_forces(PartnerLink& link, const Options& options, const Pus
                       .output = k % 2 == 1,
                       .last = k + 1 == std::size(plan)});
     t += dt;
-    std::vector<double> f(p.size(), 0.0);
-    if (static_cast<int>(k) == push.exchange)
-      for (std::size_t i = 0; i < p.size(); ++i)
-        f[i] = p[i] / dt;
-    link.send_link_force(f);
+    link.send_link_force(push_in(p, dt, k, push));
     const Motion motion = link.receive_motion();
     record.v_free.push_back(motion.v);
     record.dt.push_back(dt);
@@ -285,12 +302,7 @@ Record converse(PartnerLink& link, const Options& options, const Push& push, Fin
 Record converse_in_contact(PartnerLink& link, const Options& options, const Push& push, Findings* findings)
 {
   Record record;
-  Setup setup = setup_of(options);
-  setup.scheme = contact_scheme;
-  link.send_setup(setup);
-  record.mesh = link.receive_mesh();
-  link.accept_mesh();
-  const Report start = link.receive_report();
+  const Report start = begin_contact(link, options, record.mesh);
   if (findings != nullptr)
     judge_mesh(record.mesh, options, *findings);
   const auto p = kick(record.mesh);
@@ -310,11 +322,7 @@ Record converse_in_contact(PartnerLink& link, const Options& options, const Push
     link.receive_free_velocity(v);
     record.v_free.push_back(v);
     record.dt.push_back(dt);
-    std::vector<double> f(p.size(), 0.0);
-    if (static_cast<int>(k) == push.exchange)
-      for (std::size_t i = 0; i < p.size(); ++i)
-        f[i] = p[i] / dt;
-    link.send_link_force(f);
+    link.send_link_force(push_in(p, dt, k, push));
     const Report report = link.receive_report();
     steps_right = steps_right && report.steps == static_cast<std::int64_t>(k) + 1;
     if (report.surface_changed)
@@ -330,12 +338,7 @@ Record converse_in_contact(PartnerLink& link, const Options& options, const Push
 Record fly(PartnerLink& link, const Options& options, bool in_flight, Findings& findings)
 {
   Record record;
-  Setup setup = setup_of(options);
-  setup.scheme = contact_scheme;
-  link.send_setup(setup);
-  record.mesh = link.receive_mesh();
-  link.accept_mesh();
-  const double dt = 0.01 * link.receive_report().stable_dt;
+  const double dt = 0.01 * begin_contact(link, options, record.mesh).stable_dt;
   constexpr std::int64_t length = 4;
   const std::vector<double> zero(record.mesh.x.size(), 0.0);
   std::vector<double> v(zero), mean(zero), f(kick(record.mesh));
