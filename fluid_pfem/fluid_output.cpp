@@ -21,9 +21,9 @@ namespace
 constexpr int samples_per_row = 16; ///< of a gauge
 
 template <int dim>
-std::span<const double> flat(const std::vector<Vec<dim>>& field)
+std::span<const double> flat(std::span<const Vec<dim>> field)
 {
-  return {field.front().c.data(), field.size() * dim};
+  return {reinterpret_cast<const double*>(field.data()), field.size() * dim};
 }
 
 /// Columns of a field in a history: x → position, v → velocity, p → pressure.
@@ -115,7 +115,7 @@ double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
 template <int dim>
 FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes,
                               const Fluid<dim>& fluid)
-    : config_(output), frames_(output.dir, "fluid"),
+    : config_(output), frames_(output.dir, "fluid", fluid.ranks()),
       energy_(
           output.dir, "fluid_energy",
           fmt::format("energies of the fluid{}, works cumulated; kinetic + internal + potential + "
@@ -261,10 +261,10 @@ void FluidOutput<dim>::observe(double t, Fluid<dim>& fluid, bool frame)
       std::any_of(probes_.begin(), probes_.end(), [](const Probe& p) { return p.is_gauge(); });
   if (row || (sample && gauges))
     fluid.collect();
-  if (!writes_)
-    return;
   if (frame && config_.frames)
     write_frame(t, fluid);
+  if (!writes_)
+    return;
   if (sample)
     sample_gauges(t, fluid);
   if (row)
@@ -303,15 +303,47 @@ template <int dim>
 void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
 {
   const auto& nodes = fluid.nodes();
-  std::vector<index_t> connectivity;
-  connectivity.reserve(fluid.mesh().elements.size() * (dim + 1));
-  for (const auto& e : fluid.mesh().elements)
-    connectivity.insert(connectivity.end(), e.begin(), e.end());
-  std::vector<Vec<dim>> x = nodes.x, v = nodes.v;
-  std::vector<double> p = nodes.p, rho = nodes.rho;
-  if (nodes.period.any())
+  constexpr ElementType type = dim == 2 ? ElementType::triangle3 : ElementType::tetrahedron4;
+  const auto write = [&](const FrameMesh& mesh, std::span<const double> v, std::span<const double> p,
+                         std::span<const double> rho)
   {
-    // An element that reaches across the end of the cell is drawn at its first corner, with images of others.
+    frames_.write(t, mesh,
+                  {{.name = "velocity", .unit = "m/s", .components = dim, .values = v},
+                   {.name = "pressure", .unit = "Pa", .components = 1, .values = p},
+                   {.name = "density", .unit = "kg/m^3", .components = 1, .values = rho}});
+  };
+  std::vector<index_t> connectivity;
+  const auto connect = [&](index_t begin, index_t end)
+  {
+    for (index_t e = begin; e < end; ++e)
+    {
+      const auto& corners = fluid.mesh().elements[static_cast<std::size_t>(e)];
+      connectivity.insert(connectivity.end(), corners.begin(), corners.end());
+    }
+  };
+  FrameMesh mesh{.dim = dim, .x = {}, .blocks = {}};
+  if (!nodes.period.any())
+  {
+    const auto [begin, end] = fluid.own_nodes();
+    const auto [first, last] = fluid.own_elements();
+    connect(first, last);
+    const auto own = [begin = static_cast<std::size_t>(begin), n = static_cast<std::size_t>(end - begin)](
+                         const auto& field) { return std::span(field).subspan(begin, n); };
+    mesh.x = flat<dim>(own(nodes.x));
+    mesh.blocks.emplace_back(type, connectivity);
+    mesh.nodes = {.total = static_cast<std::size_t>(nodes.size()), .first = static_cast<std::size_t>(begin)};
+    mesh.blocks_are = {.total = fluid.mesh().elements.size(), .first = static_cast<std::size_t>(first)};
+    return write(mesh, flat<dim>(own(nodes.v)), own(nodes.p), own(nodes.rho));
+  }
+
+  // An element that reaches across the end of the cell is drawn at its first corner, with images of others;
+  // rank 0, which has all rows, draws them.
+  std::vector<Vec<dim>> x, v;
+  std::vector<double> p, rho;
+  if (writes_)
+  {
+    x = nodes.x, v = nodes.v, p = nodes.p, rho = nodes.rho;
+    connect(0, static_cast<index_t>(fluid.mesh().elements.size()));
     std::map<std::pair<index_t, std::array<double, dim>>, index_t> images;
     for (std::size_t k = 0; k < connectivity.size(); ++k)
     {
@@ -333,12 +365,9 @@ void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
       n = it->second;
     }
   }
-  FrameMesh mesh{.dim = dim, .x = flat(x), .blocks = {}};
-  mesh.blocks.emplace_back(dim == 2 ? ElementType::triangle3 : ElementType::tetrahedron4, connectivity);
-  frames_.write(t, mesh,
-                {{.name = "velocity", .unit = "m/s", .components = dim, .values = flat(v)},
-                 {.name = "pressure", .unit = "Pa", .components = 1, .values = p},
-                 {.name = "density", .unit = "kg/m^3", .components = 1, .values = rho}});
+  mesh.x = flat<dim>(x);
+  mesh.blocks.emplace_back(type, connectivity);
+  write(mesh, flat<dim>(v), p, rho);
 }
 
 template <int dim>

@@ -162,6 +162,8 @@ public:
   {
     return whole_.empty() ? bodies_[k].block : whole_[k].block;
   }
+  /// Number in whole_block(k) of each element of bodies()[k]; −1: a copy, which another rank counts.
+  std::vector<index_t> counted_elements(std::size_t k) const;
   /// Rows of all elements of body k from those that each rank has of its own bodies()[k], the copies of
   /// others left out. Collective.
   template <class T>

@@ -182,41 +182,66 @@ ProbePlace place_of(const ProbeConfig& probe, const Solid<dim>& solid)
   return place;
 }
 
-} // namespace
-
+/// Stress of all elements (collective), or, with `places`, of those that this rank counts, whose places among
+/// all it appends.
 template <int dim>
-CellStress cell_stress(const Solid<dim>& solid)
+CellStress stress_of(const Solid<dim>& solid, std::vector<index_t>* places)
 {
   CellStress stress;
-  std::vector<Mat<3>> sigma;
+  index_t before = 0; // elements of the beam and of earlier bodies
+  const auto append = [&stress](const Mat<3>& sigma, double plastic_strain)
+  {
+    stress.sigma.insert(stress.sigma.end(), sigma.c.begin(), sigma.c.end());
+    stress.von_mises.push_back(von_mises(sigma));
+    stress.plastic_strain.push_back(plastic_strain);
+  };
   if constexpr (dim == 2)
     if (const Beam* beam = solid.beam())
-      for (std::size_t e = 0; e < beam->n_elements(); ++e)
+    {
+      const bool here = places == nullptr || solid.share().is_first(); // whose the beam is
+      for (std::size_t e = 0; here && e < beam->n_elements(); ++e)
       {
         const auto s = beam->section(e);
         Mat<3> mean;
         for (int i = 0; i < 2; ++i)
           for (int j = 0; j < 2; ++j)
             mean(i, j) = (s.N * s.t[i] * s.t[j] + s.Q * (s.t[i] * s.n[j] + s.n[i] * s.t[j])) / s.thickness;
-        sigma.push_back(mean);
-        stress.plastic_strain.push_back(0.0);
+        append(mean, 0.0);
+        if (places != nullptr)
+          places->push_back(static_cast<index_t>(e));
       }
+      before += static_cast<index_t>(beam->n_elements());
+    }
   for (std::size_t k = 0; k < solid.bodies().size(); ++k)
   {
-    std::vector<Mat<3>> own_sigma;
-    std::vector<double> own_strain;
-    append_stress(solid.bodies()[k], std::span<const Vec<dim>>(solid.nodes().u), own_sigma, own_strain);
-    const auto all_sigma = solid.of_all_elements(k, std::move(own_sigma));
-    const auto all_strain = solid.of_all_elements(k, std::move(own_strain));
-    sigma.insert(sigma.end(), all_sigma.begin(), all_sigma.end());
-    stress.plastic_strain.insert(stress.plastic_strain.end(), all_strain.begin(), all_strain.end());
-  }
-  for (const auto& s : sigma)
-  {
-    stress.sigma.insert(stress.sigma.end(), s.c.begin(), s.c.end());
-    stress.von_mises.push_back(von_mises(s));
+    std::vector<Mat<3>> sigma;
+    std::vector<double> plastic_strain;
+    append_stress(solid.bodies()[k], std::span<const Vec<dim>>(solid.nodes().u), sigma, plastic_strain);
+    if (places == nullptr)
+    {
+      sigma = solid.of_all_elements(k, std::move(sigma));
+      plastic_strain = solid.of_all_elements(k, std::move(plastic_strain));
+    }
+    const auto counted = places != nullptr ? solid.counted_elements(k) : std::vector<index_t>{};
+    for (std::size_t e = 0; e < sigma.size(); ++e)
+    {
+      if (places != nullptr && counted[e] < 0)
+        continue;
+      append(sigma[e], plastic_strain[e]);
+      if (places != nullptr)
+        places->push_back(before + counted[e]);
+    }
+    before += std::visit([](const auto& block) { return block.size(); }, solid.whole_block(k));
   }
   return stress;
+}
+
+} // namespace
+
+template <int dim>
+CellStress cell_stress(const Solid<dim>& solid)
+{
+  return stress_of(solid, nullptr);
 }
 
 template <int dim>
@@ -269,7 +294,7 @@ SolidOutput<dim>::SolidOutput(const OutputConfig& config, const std::vector<Prob
       writes_(solid.ranks().rank() == 0)
 {
   if (config.frames)
-    frames_.emplace(config.dir, config.part);
+    frames_.emplace(config.dir, config.part, solid.ranks());
   for (const auto& probe : probes)
     if (probe.on == "solid")
     {
@@ -292,25 +317,27 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
   if (!frames_)
     return;
   const auto& nodes = solid.nodes();
-  const auto all = [&solid](std::vector<Vec<dim>> field)
-  {
-    solid.share().collect(field);
-    return flat(field);
-  };
-  const auto u = all(nodes.u), v = all(nodes.v);
-  const auto stress = cell_stress(solid);
-  if (!writes_)
-    return;
-  auto x = flat(nodes.X);
-  for (std::size_t k = 0; k < x.size(); ++k)
-    x[k] += u[k];
-
-  std::vector<std::vector<index_t>> connectivity;
   FrameMesh mesh;
+  std::vector<index_t> own, cells; // places of this rank's rows among all
+  std::vector<Vec<dim>> x, u, v;
+  solid.share().for_own(
+      [&](std::size_t n)
+      {
+        own.push_back(static_cast<index_t>(n));
+        x.push_back(nodes.X[n] + nodes.u[n]);
+        u.push_back(nodes.u[n]);
+        v.push_back(nodes.v[n]);
+      });
+  const CellStress stress = stress_of(solid, &cells);
   mesh.dim = dim;
-  mesh.x = x;
+  const auto points = flat(x), displacement = flat(u), velocity = flat(v);
+  mesh.x = points;
+  mesh.nodes = {.total = static_cast<std::size_t>(nodes.size()), .places = own};
+  mesh.cells = {.total = static_cast<std::size_t>(solid.n_elements()), .places = cells};
+
+  std::vector<std::vector<index_t>> connectivity; // which every rank knows: rank 0 gives it
   connectivity.reserve(solid.bodies().size());
-  for (std::size_t k = 0; k < solid.bodies().size(); ++k)
+  for (std::size_t k = 0; writes_ && k < solid.bodies().size(); ++k)
     std::visit(
         [&]<class Element>(const ReferenceBlock<Element>& block)
         {
@@ -320,13 +347,13 @@ void SolidOutput<dim>::write_frame(const Solid<dim>& solid)
           mesh.blocks.emplace_back(Element::type, std::span<const index_t>(list));
         },
         solid.whole_block(k));
-  if (solid.beam() != nullptr)
+  if (writes_ && solid.beam() != nullptr)
     for (const auto& block : solid.mesh().blocks)
       mesh.blocks.emplace_back(block.type, std::span<const index_t>(block.nodes));
   frames_->write(
       solid.time(), mesh,
-      {{.name = "displacement", .unit = "m", .components = dim, .values = u, .on_cells = false},
-       {.name = "velocity", .unit = "m/s", .components = dim, .values = v, .on_cells = false},
+      {{.name = "displacement", .unit = "m", .components = dim, .values = displacement, .on_cells = false},
+       {.name = "velocity", .unit = "m/s", .components = dim, .values = velocity, .on_cells = false},
        {.name = "sigma", .unit = "Pa", .components = 9, .values = stress.sigma, .on_cells = true},
        {.name = "von_mises", .unit = "Pa", .components = 1, .values = stress.von_mises, .on_cells = true},
        {.name = "plastic_strain",

@@ -4,6 +4,7 @@
 #include "solid_fe/solid.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 namespace undine::solid
 {
@@ -224,6 +225,23 @@ void Solid<dim>::hold_part_of(std::size_t k, std::vector<index_t> held)
       },
       body.block);
   take_state(k, state);
+}
+
+template <int dim>
+std::vector<index_t> Solid<dim>::counted_elements(std::size_t k) const
+{
+  if (!whole_.empty())
+  {
+    std::vector<index_t> counted = whole_[k].held;
+    for (index_t& e : counted)
+      if (whole_[k].owner[static_cast<std::size_t>(e)] != ranks().rank())
+        e = -1;
+    return counted;
+  }
+  std::vector<index_t> all(
+      std::visit([](const auto& block) { return static_cast<std::size_t>(block.size()); }, whole_block(k)));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
 }
 
 /// What body k remembers, with all its elements. Collective.

@@ -9,9 +9,17 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
+#include <memory>
 #include <numeric>
+#include <optional>
 #include <utility>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 namespace undine
 {
@@ -39,19 +47,23 @@ struct Writer
     return list;
   }
 
-  template <class Value>
-  void dataset(hid_t parent, const char* name, std::vector<hsize_t> shape, std::span<const Value> values,
-               hid_t file_type, hid_t memory_type, std::string_view unit) const
+  /// An empty dataset with its place in the file. @return its first byte, for whoever writes its rows
+  std::uint64_t lay_out(hid_t parent, const std::string& name, const std::vector<hsize_t>& shape,
+                        hid_t file_type, std::string_view unit) const
   {
     const Handle space(path, H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr),
                        H5Sclose);
-    Handle set(path, H5Dcreate2(parent, name, file_type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+    const Handle kind(path, H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    check(H5Pset_alloc_time(kind, H5D_ALLOC_TIME_EARLY));
+    check(H5Pset_fill_time(kind, H5D_FILL_TIME_NEVER));
+    check(H5Pset_obj_track_times(kind, false)); // the bytes of a file are those of the numbers in it
+    Handle set(path, H5Dcreate2(parent, name.c_str(), file_type, space, H5P_DEFAULT, kind, H5P_DEFAULT),
                H5Dclose);
-    if (!values.empty())
-      check(H5Dwrite(set, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()));
     if (!unit.empty())
       text_attribute(set, "unit", unit);
+    const haddr_t offset = H5Dget_offset(set);
     set.close();
+    return offset;
   }
 
   void text_attribute(hid_t object, const char* name, std::string_view text) const
@@ -128,7 +140,8 @@ struct Cells
   index_t count = 0;
 };
 
-Cells cells_of(const FrameMesh& mesh)
+/// On rank 0 (`first`) with the shape of all ranks' cells together.
+Cells cells_of(const FrameMesh& mesh, std::size_t n_nodes, bool first)
 {
   Cells cells;
   bool one_type = true;
@@ -140,15 +153,18 @@ Cells cells_of(const FrameMesh& mesh)
     cells.count += static_cast<index_t>(nodes.size()) / nodes_per_element(type);
     one_type = one_type && type == first_type;
   }
-  if (cells.count == 0) // spray only: the nodes themselves are what there is to see
+  const bool shared = mesh.blocks_are.total > 0;
+  require(one_type || !shared, "ranks share a list of cells of one type");
+  if (shared)
+    cells.count = static_cast<index_t>(mesh.blocks_are.total);
+  if (cells.count == 0 && first) // spray only: the nodes themselves are what there is to see
   {
-    const auto n = mesh.x.size() / static_cast<std::size_t>(mesh.dim);
-    cells.count = static_cast<index_t>(n);
+    cells.count = static_cast<index_t>(n_nodes);
     cells.topology =
-        fmt::format("TopologyType=\"Polyvertex\" NodesPerElement=\"1\" NumberOfElements=\"{}\"", n);
-    cells.list.resize(n);
+        fmt::format("TopologyType=\"Polyvertex\" NodesPerElement=\"1\" NumberOfElements=\"{}\"", n_nodes);
+    cells.list.resize(n_nodes);
     std::iota(cells.list.begin(), cells.list.end(), 0);
-    cells.shape = {n, 1};
+    cells.shape = {n_nodes, 1};
     return cells;
   }
   for (const auto& [type, nodes] : mesh.blocks)
@@ -172,7 +188,7 @@ Cells cells_of(const FrameMesh& mesh)
                                one_type ? topology_of(first_type).name : "Mixed",
                                is_line ? " NodesPerElement=\"2\"" : "", cells.count);
   if (one_type)
-    cells.shape = {cells.list.size() / per_element, per_element};
+    cells.shape = {static_cast<hsize_t>(cells.count), per_element};
   else
     cells.shape = {cells.list.size()};
   return cells;
@@ -203,20 +219,127 @@ const char* attribute_type(int components_in_file)
                                    : "Matrix";
 }
 
-/// Bytes that a frame needs at most, bookkeeping included.
-std::uintmax_t size_of(const FrameMesh& mesh, const Cells& cells, const std::vector<FrameField>& fields)
+/// A list of a frame: numbers of four bytes, `row` of them in a row; those of this rank.
+struct List
 {
-  std::uintmax_t bytes = 65536 + 4 * (2 * mesh.x.size() + cells.list.size());
-  for (const FrameField& field : fields)
-    bytes += 4096 + 4 * 3 * field.values.size();
+  std::string name;           ///< in the frame
+  std::string_view unit;      ///< written as an attribute
+  bool is_real = true;        ///< floats, else integers
+  std::vector<hsize_t> shape; ///< of all ranks' rows together, right on rank 0
+  const FrameRows* rows;
+  std::vector<float> reals = {};
+  std::vector<index_t> integers = {};
+
+  std::span<const std::byte> bytes() const
+  {
+    return is_real ? std::as_bytes(std::span(reals)) : std::as_bytes(std::span(integers));
+  }
+  std::size_t row_bytes() const { return 4 * (shape.size() > 1 ? static_cast<std::size_t>(shape[1]) : 1); }
+};
+
+/// Bytes that a frame needs at most, bookkeeping included.
+std::uintmax_t size_of(const std::vector<List>& lists)
+{
+  std::uintmax_t bytes = 65536;
+  for (const List& list : lists)
+    bytes += 4096 + list.row_bytes() * list.shape[0];
   return bytes;
+}
+
+static_assert(std::endian::native == std::endian::little, "numbers go into the file as they lie in memory");
+
+/// The frame in the index.
+/// @param inside  where it is: the file and the group in it
+std::string entry(const std::string& name, double t, const std::string& inside, const std::string& topology,
+                  const std::vector<List>& lists, const std::vector<FrameField>& fields)
+{
+  const auto item = [&](const List& list)
+  {
+    return data_item(list.shape,
+                     list.is_real ? "NumberType=\"Float\" Precision=\"4\""
+                                  : "NumberType=\"Int\" Precision=\"4\"",
+                     inside + "/" + list.name);
+  };
+  std::string text =
+      fmt::format("      <Grid Name=\"{}\" GridType=\"Uniform\">\n        <Time Value=\"{}\"/>\n"
+                  "        <Topology {}>{}</Topology>\n"
+                  "        <Geometry GeometryType=\"XYZ\">{}</Geometry>\n",
+                  escaped(name), t, topology, item(lists[1]), item(lists[0]));
+  for (std::size_t k = 0; k < fields.size(); ++k)
+  {
+    const List& list = lists[k + 2];
+    text += fmt::format("        <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"{}\">{}</Attribute>\n",
+                        escaped(fields[k].name), attribute_type(static_cast<int>(list.row_bytes() / 4)),
+                        fields[k].on_cells ? "Cell" : "Node", item(list));
+  }
+  return text + "      </Grid>\n";
+}
+
+/// Put the rows that this rank has into the places of theirs.
+/// @param begin first byte of each list in the file
+void write_rows(const std::string& path, const std::vector<List>& lists, std::span<const std::uint64_t> begin)
+{
+  const auto failed = [&](const char* what)
+  {
+    throw Failure(ExitCode::output_failed,
+                  fmt::format("{}: cannot be {}: {}", path, what, std::strerror(errno)));
+  };
+  if (std::all_of(lists.begin(), lists.end(), [](const List& list) { return list.bytes().empty(); }))
+    return;
+  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (file < 0)
+    failed("opened");
+  const std::unique_ptr<const int, void (*)(const int*)> closes(&file, [](const int* f) { ::close(*f); });
+  for (std::size_t k = 0; k < lists.size(); ++k)
+  {
+    const FrameRows& rows = *lists[k].rows;
+    const std::size_t row = lists[k].row_bytes(), n = lists[k].bytes().size() / row;
+    for (std::size_t r = 0, end = 0; r < n; r = end)
+    {
+      const auto place = [&](std::size_t i)
+      { return rows.places.empty() ? rows.first + i : static_cast<std::size_t>(rows.places[i]); };
+      for (end = r + 1; end < n && place(end) == place(end - 1) + 1;)
+        ++end;
+      std::span<const std::byte> run = lists[k].bytes().subspan(r * row, (end - r) * row);
+      for (auto at = static_cast<off_t>(begin[k] + place(r) * row); !run.empty();)
+      {
+        const ssize_t written = ::pwrite(file, run.data(), run.size(), at);
+        if (written < 0 && errno != EINTR)
+          failed("written");
+        run = run.subspan(static_cast<std::size_t>(std::max<ssize_t>(written, 0)));
+        at += std::max<ssize_t>(written, 0);
+      }
+    }
+  }
+}
+
+/// Do `work`; what fails on one rank fails on all, in the words of the lowest. Collective.
+template <class Work>
+void together(const Ranks& ranks, Work&& work)
+{
+  if (ranks.alone())
+    return work();
+  std::string failure;
+  try
+  {
+    work();
+  }
+  catch (const Failure& f)
+  {
+    failure = f.what();
+  }
+  std::vector<std::size_t> sizes;
+  const auto texts = ranks.gather(std::vector<char>(failure.begin(), failure.end()), &sizes);
+  const auto first = std::find_if(sizes.begin(), sizes.end(), [](std::size_t n) { return n > 0; });
+  if (first != sizes.end())
+    throw Failure(ExitCode::output_failed, std::string(texts.data(), *first));
 }
 
 } // namespace
 
-FrameWriter::FrameWriter(std::string out_dir, std::string name)
+FrameWriter::FrameWriter(std::string out_dir, std::string name, Ranks ranks)
     : name_(std::move(name)), h5_path_(out_dir + "/" + name_ + ".h5"),
-      xdmf_path_(out_dir + "/" + name_ + ".xdmf"), h5_name_(name_ + ".h5")
+      xdmf_path_(out_dir + "/" + name_ + ".xdmf"), h5_name_(name_ + ".h5"), ranks_(std::move(ranks))
 {
   H5dont_atexit(); // files are closed here; HDF5's own tidying at exit stumbles over one that a full disk
                    // kept open
@@ -274,69 +397,94 @@ void FrameWriter::keep_first_frames()
 
 void FrameWriter::write(double t, const FrameMesh& mesh, const std::vector<FrameField>& fields)
 {
-  if (entries_.empty())
-    start_afresh();
-  const auto n_nodes = mesh.x.size() / static_cast<std::size_t>(mesh.dim);
-  require(mesh.x.size() == n_nodes * static_cast<std::size_t>(mesh.dim),
+  const bool first = ranks_.rank() == 0;
+  const auto n_here = mesh.x.size() / static_cast<std::size_t>(mesh.dim);
+  require(mesh.x.size() == n_here * static_cast<std::size_t>(mesh.dim),
           "a frame's points have dim components");
-  const Cells cells = cells_of(mesh);
+  const auto n_nodes = static_cast<hsize_t>(mesh.nodes.total > 0 ? mesh.nodes.total : n_here);
+  Cells cells = cells_of(mesh, n_nodes, first);
 
-  // HDF5 1.10 cannot close a file whose last blocks found no room: ask before, while the file is still whole.
-  std::error_code ignored;
-  const auto space = std::filesystem::space(std::filesystem::path(h5_path_).parent_path(), ignored);
-  if (!ignored && space.available < size_of(mesh, cells, fields))
-    throw Failure(ExitCode::output_failed,
-                  fmt::format("{}: cannot be written: No space left on device ({} bytes free, {} needed)",
-                              h5_path_, space.available, size_of(mesh, cells, fields)));
-
-  const std::string frame_name = fmt::format("{:06}", entries_.size());
-  const std::string inside = h5_name_ + ":/frames/" + frame_name;
-  std::string entry = fmt::format(
-      "      <Grid Name=\"{}\" GridType=\"Uniform\">\n        <Time Value=\"{}\"/>\n", escaped(name_), t);
+  std::vector<List> lists;
+  int components = 0;
+  lists.push_back({.name = "points",
+                   .unit = "m",
+                   .shape = {n_nodes, 3},
+                   .rows = &mesh.nodes,
+                   .reals = padded(mesh.x, mesh.dim, mesh.dim, components)});
+  lists.push_back({.name = "cells",
+                   .unit = "",
+                   .is_real = false,
+                   .shape = cells.shape,
+                   .rows = &mesh.blocks_are,
+                   .integers = std::move(cells.list)});
+  for (const FrameField& field : fields)
+  {
+    const FrameRows& rows = field.on_cells ? mesh.cells : mesh.nodes;
+    const std::size_t rows_here = field.values.size() / static_cast<std::size_t>(field.components);
+    require(field.values.size() == rows_here * static_cast<std::size_t>(field.components) &&
+                (rows.places.empty() || rows.places.size() == rows_here) &&
+                (rows.total > 0 || !first ||
+                 rows_here == (field.on_cells ? static_cast<std::size_t>(cells.count) : n_here)),
+            "a frame's field has one row per node or cell");
+    std::vector<float> values = padded(field.values, field.components, mesh.dim, components);
+    std::vector<hsize_t> shape{field.on_cells ? static_cast<hsize_t>(cells.count) : n_nodes};
+    if (components > 1)
+      shape.push_back(static_cast<hsize_t>(components));
+    lists.push_back({.name = "fields/" + std::string(field.name),
+                     .unit = field.unit,
+                     .shape = std::move(shape),
+                     .rows = &rows,
+                     .reals = std::move(values)});
+  }
 
   const QuietErrors quiet;
   const Writer writer{h5_path_};
-  const Handle access = writer.access();
-  Handle file(h5_path_, H5Fopen(h5_path_.c_str(), H5F_ACC_RDWR, access), H5Fclose);
-  Handle frame(h5_path_, H5Gcreate_anon(file, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
-  writer.number_attribute(frame, "time", t);
-
-  int components = 0;
-  const std::vector<float> points = padded(mesh.x, mesh.dim, mesh.dim, components);
-  writer.dataset<float>(frame, "points", {n_nodes, 3}, points, H5T_IEEE_F32LE, H5T_NATIVE_FLOAT, "m");
-  writer.dataset<index_t>(frame, "cells", cells.shape, cells.list, H5T_STD_I32LE, H5T_NATIVE_INT32, "");
-  entry += fmt::format("        <Topology {}>{}</Topology>\n", cells.topology,
-                       data_item(cells.shape, "NumberType=\"Int\" Precision=\"4\"", inside + "/cells"));
-  entry += fmt::format("        <Geometry GeometryType=\"XYZ\">{}</Geometry>\n",
-                       data_item({n_nodes, 3}, "NumberType=\"Float\" Precision=\"4\"", inside + "/points"));
-
-  Handle group(h5_path_, H5Gcreate2(frame, "fields", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
-  for (const FrameField& field : fields)
-  {
-    const std::size_t rows = field.on_cells ? static_cast<std::size_t>(cells.count) : n_nodes;
-    require(field.values.size() == rows * static_cast<std::size_t>(field.components),
-            "a frame's field has one row per node or cell");
-    const std::string name(field.name);
-    const std::vector<float> values = padded(field.values, field.components, mesh.dim, components);
-    std::vector<hsize_t> shape{rows};
-    if (components > 1)
-      shape.push_back(static_cast<hsize_t>(components));
-    writer.dataset<float>(group, name.c_str(), shape, values, H5T_IEEE_F32LE, H5T_NATIVE_FLOAT, field.unit);
-    entry +=
-        fmt::format("        <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"{}\">{}</Attribute>\n",
-                    escaped(name), attribute_type(components), field.on_cells ? "Cell" : "Node",
-                    data_item(shape, "NumberType=\"Float\" Precision=\"4\"", inside + "/fields/" + name));
-  }
-  group.close();
-  // The data reach the file before the link that makes them visible: a kill in between leaves the earlier
-  // frames whole.
-  writer.check(H5Fflush(file, H5F_SCOPE_LOCAL));
-  writer.check(H5Olink(frame, file, ("frames/" + frame_name).c_str(), H5P_DEFAULT, H5P_DEFAULT));
-  frame.close();
-  file.close();
-
-  entries_.push_back(entry + "      </Grid>\n");
-  write_index();
+  std::optional<Handle> access, file, frame;
+  std::vector<std::uint64_t> begin; // of each list in the file
+  together(
+      ranks_,
+      [&]
+      {
+        if (!first)
+          return;
+        if (entries_.empty())
+          start_afresh();
+        // HDF5 1.10 cannot close a file whose last blocks found no room: ask before, while it is whole.
+        std::error_code ignored;
+        const auto space = std::filesystem::space(std::filesystem::path(h5_path_).parent_path(), ignored);
+        if (!ignored && space.available < size_of(lists))
+          throw Failure(
+              ExitCode::output_failed,
+              fmt::format("{}: cannot be written: No space left on device ({} bytes free, {} needed)",
+                          h5_path_, space.available, size_of(lists)));
+        access.emplace(writer.access());
+        file.emplace(h5_path_, H5Fopen(h5_path_.c_str(), H5F_ACC_RDWR, *access), H5Fclose);
+        frame.emplace(h5_path_, H5Gcreate_anon(*file, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
+        writer.number_attribute(*frame, "time", t);
+        Handle group(h5_path_, H5Gcreate2(*frame, "fields", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
+        for (const List& list : lists)
+          begin.push_back(writer.lay_out(*frame, list.name, list.shape,
+                                         list.is_real ? H5T_IEEE_F32LE : H5T_STD_I32LE, list.unit));
+        group.close();
+      });
+  begin = ranks_.of_first(begin);
+  together(ranks_, [&] { write_rows(h5_path_, lists, begin); });
+  together(ranks_,
+           [&]
+           {
+             if (!first)
+               return;
+             // The data reach the file before the link that makes them visible: a kill in between leaves the
+             // earlier frames whole.
+             const std::string frame_name = fmt::format("{:06}", entries_.size());
+             writer.check(H5Fflush(*file, H5F_SCOPE_LOCAL));
+             writer.check(H5Olink(*frame, *file, ("frames/" + frame_name).c_str(), H5P_DEFAULT, H5P_DEFAULT));
+             frame->close();
+             file->close();
+             entries_.push_back(
+                 entry(name_, t, h5_name_ + ":/frames/" + frame_name, cells.topology, lists, fields));
+             write_index();
+           });
 }
 
 std::int64_t FrameWriter::frames() const { return static_cast<std::int64_t>(entries_.size()); }
