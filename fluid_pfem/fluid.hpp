@@ -144,8 +144,8 @@ public:
   void collect();
   const Ranks& ranks() const { return team_.ranks(); }
   /// First and one behind the last of the nodes, and of the elements, that this rank owns.
-  std::array<index_t, 2> own_nodes() const { return {team_.node_begin(), team_.node_end()}; }
-  std::array<index_t, 2> own_elements() const { return {team_.element_begin(), team_.element_end()}; }
+  std::array<index_t, 2> node_range() const { return {team_.node_begin(), team_.node_end()}; }
+  std::array<index_t, 2> element_range() const { return {team_.element_begin(), team_.element_end()}; }
   double time() const { return t_; } ///< [s]
   /// The solid that the fluid may meet and leave, at the present time. From the first call on the wet nodes
   /// are those near it; the next remesh() goes by this surface.

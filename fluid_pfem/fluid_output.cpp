@@ -324,8 +324,8 @@ void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
   FrameMesh mesh{.dim = dim, .x = {}, .blocks = {}};
   if (!nodes.period.any())
   {
-    const auto [begin, end] = fluid.own_nodes();
-    const auto [first, last] = fluid.own_elements();
+    const auto [begin, end] = fluid.node_range();
+    const auto [first, last] = fluid.element_range();
     connect(first, last);
     const auto own = [begin = static_cast<std::size_t>(begin), n = static_cast<std::size_t>(end - begin)](
                          const auto& field) { return std::span(field).subspan(begin, n); };
