@@ -317,13 +317,15 @@ void Fluid<dim>::triangulate()
   finish_mesh(std::move(elements));
   nodes_.M = nodes_.m;
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), delaunay, nodes_.x, mesh_.elements,
-                                              config_.element_size, config_.remesh.shape);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x,
+                                              mesh_.elements, config_.element_size, config_.remesh.shape);
   gaps_ = std::move(choice.gaps);
-  delaunay = std::vector<Simplex<dim>>(); // {} would keep its memory
-  const auto chosen = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
-  std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
-                      std::back_inserter(gaps_));
+  std::erase_if(choice.elements,
+                [this](const Simplex<dim>& e) {
+                  return std::binary_search(mesh_.elements.begin(), mesh_.elements.end(), canonical<dim>(e));
+                });
+  const auto empty = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
+  gaps_.insert(gaps_.end(), empty.begin(), empty.end());
   find_ghosts();
   collected_ = ranks().alone();
 }
