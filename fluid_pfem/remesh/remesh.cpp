@@ -437,8 +437,17 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
-  const std::vector<Vec<dim>> v(nodes_.v.begin() + begin, nodes_.v.begin() + end),
-      a(nodes_.a.begin() + begin, nodes_.a.begin() + end);
+  const std::vector<Vec<dim>> v(nodes_.v.begin() + begin, nodes_.v.begin() + end);
+  // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
+  // it and that of the new mesh.
+  const auto each_pressed = [&](auto&& visit) // visit(node, part of its acceleration into walls)
+  {
+    for (index_t n = contact_.empty() ? end : std::max(n_wet_, begin); n < end; ++n)
+      if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
+        visit(i, contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], nodes_.a[i]));
+  };
+  std::vector<Vec<dim>> pressed;
+  each_pressed([&](std::size_t, const Vec<dim>& a) { pressed.push_back(a); });
   for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
   record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
@@ -456,17 +465,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   find_impedance();
   let_waves_out(dt_before_, false);
   std::copy(v.begin(), v.end(), nodes_.v.begin() + begin);
-  // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
-  // it and that of the new mesh.
-  if (!contact_.empty())
-    for (index_t n = std::max(n_wet_, begin); n < end; ++n)
-      if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
-      {
-        const auto push = [&](const Vec<dim>& kick)
-        { return contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], kick); };
-        nodes_.v[i] +=
-            (0.5 * dt_before_) * (push(nodes_.a[i]) - push(a[i - static_cast<std::size_t>(begin)]));
-      }
+  each_pressed([&, k = std::size_t{0}](std::size_t i, const Vec<dim>& a) mutable
+               { nodes_.v[i] += (0.5 * dt_before_) * (a - pressed[k++]); });
   openings_.drive(nodes_, t_);
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
