@@ -78,7 +78,8 @@ ExitCode start(Launch& launch)
   std::vector<link::PartnerLink> partners; // the fluid first
   for (const std::string& role : roles)
   {
-    partners.emplace_back(world.channel(role), role);
+    partners.emplace_back(world.channel(role), role,
+                          [&world, role](int rank) { return world.path(role, rank); });
     log->info("case {}: {} is '{}'", launch.file.path(), role, world.solver_of(role));
   }
   std::vector<link::PartnerLink*> of_solids;

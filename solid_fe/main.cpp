@@ -99,8 +99,8 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
     summary.write(launch.output.dir + "/" + launch.role + ".json");
   };
   std::optional<link::SolverLink> coupler;
-  if (coupled && first)
-    coupler.emplace(world.channel("coupler"));
+  if (coupled) // every rank for its own wet nodes
+    coupler.emplace(world.path("coupler", 0), ranks.rank());
   Checkpoints checkpoints = launch.checkpoints(*log);
   const Persistence persistence = launch.persistence(
       checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);
@@ -123,7 +123,7 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   }
   catch (const NumericalError& error)
   {
-    if (coupler)
+    if (coupler && first)
       coupler->send_failure(static_cast<int>(error.code()), error.what());
     if (ranks.alone()) // the state that broke is what one wants to see; of several ranks the others are gone
                        // on
@@ -135,7 +135,7 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   }
   catch (const Failure& failure)
   {
-    if (coupler)
+    if (coupler && first)
       coupler->send_failure(static_cast<int>(failure.code()), failure.what());
     throw;
   }
