@@ -70,8 +70,9 @@ public:
 
   /// Share the work: from here on this rank computes the nodes that it owns, and holds only the elements that
   /// they need. Rigid bodies, what may touch and a beam, which is a line of few nodes, are
-  /// all rank 0's. Each rank talks to the coupler of its own wet nodes. All ranks must have made the same solid. Results have
-  /// the bits of one rank. Collective, as are from here on all steps and everything that says so.
+  /// all rank 0's. Each rank talks to the coupler of its own wet nodes. All ranks must have made the same
+  /// solid. Results have the bits of one rank. Collective, as are from here on all steps and everything that
+  /// says so.
   void distribute(const Ranks& ranks);
   const Ranks& ranks() const { return share_.ranks(); }
   /// The nodes of this rank; rows of others in nodes() are out of date.
@@ -344,7 +345,7 @@ private:
 
   NodeShare share_;
   mutable std::vector<double> wet_rows_; ///< interface_velocity() of several ranks
-  std::vector<WholeBody> whole_; ///< of each body; empty on one rank
+  std::vector<WholeBody> whole_;         ///< of each body; empty on one rank
 };
 
 } // namespace undine::solid

@@ -228,7 +228,8 @@ std::span<const double> Solid<dim>::interface_velocity() const
   if (!ranks().alone())
   {
     wet_rows_.clear();
-    share_.for_own(0, f_link_.size(), [this](std::size_t n)
+    share_.for_own(0, f_link_.size(),
+                   [this](std::size_t n)
                    { wet_rows_.insert(wet_rows_.end(), nodes_.v[n].c.begin(), nodes_.v[n].c.end()); });
     return wet_rows_;
   }

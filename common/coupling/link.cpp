@@ -843,7 +843,8 @@ void PartnerLink::place(std::span<const double> mine, const std::vector<std::int
 }
 
 /// Those rows of `all`.
-std::vector<double> PartnerLink::pick(std::span<const double> all, const std::vector<std::int64_t>& rows) const
+std::vector<double> PartnerLink::pick(std::span<const double> all,
+                                      const std::vector<std::int64_t>& rows) const
 {
   std::vector<double> mine(rows.size() * dim_);
   for (std::size_t k = 0; k < rows.size(); ++k)
@@ -925,14 +926,15 @@ Kinematics PartnerLink::receive_kinematics()
 
 void PartnerLink::send_activation(const Activation& activation)
 {
-  const auto send_to = [](link::Conversation& to, const Activation& mine) {
-    to.send(MessageType::activation_impulse, [&](wire::Writer& out) { wire::write(out, mine); });
-  };
+  const auto send_to = [](link::Conversation& to, const Activation& mine)
+  { to.send(MessageType::activation_impulse, [&](wire::Writer& out) { wire::write(out, mine); }); };
   if (paths_.empty())
     return send_to(*conversation_, activation);
   with_owners(
-      [&](link::Conversation& to, const std::vector<std::int64_t>& rows) {
-        send_to(to, {.impulse = pick(activation.impulse, rows), .link_force = pick(activation.link_force, rows)});
+      [&](link::Conversation& to, const std::vector<std::int64_t>& rows)
+      {
+        send_to(to,
+                {.impulse = pick(activation.impulse, rows), .link_force = pick(activation.link_force, rows)});
       });
 }
 

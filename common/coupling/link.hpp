@@ -28,9 +28,9 @@
 //
 // At any time: P STOP_REQUEST, and PING or FAIL of both.
 //
-// A participant on several ranks may give the rows of its wet surface to several of them (SurfaceMesh::owner):
-// KINEMATICS, ACTIVATION_IMPULSE, FREE_VELOCITY, LINK_FORCE and MOTION are then exchanged with every owner, the
-// rows of each in one message; all else stays with rank 0.
+// A participant on several ranks may give the rows of its wet surface to several of them
+// (SurfaceMesh::owner): KINEMATICS, ACTIVATION_IMPULSE, FREE_VELOCITY, LINK_FORCE and MOTION are then
+// exchanged with every owner, the rows of each in one message; all else stays with rank 0.
 #pragma once
 
 #include "common/coupling/channel.hpp"
@@ -137,7 +137,8 @@ private:
   void find_paths(const SurfaceMesh& mesh);
   template <class Talk>
   void with_owners(Talk&& talk);
-  void place(std::span<const double> mine, const std::vector<std::int64_t>& rows, std::span<double> all) const;
+  void place(std::span<const double> mine, const std::vector<std::int64_t>& rows,
+             std::span<double> all) const;
   std::vector<double> pick(std::span<const double> all, const std::vector<std::int64_t>& rows) const;
   std::size_t size() const;
   void require_size(MessageType type, std::size_t came) const;

@@ -171,7 +171,8 @@ void MpiChannel::receive(std::vector<std::byte>& message)
     int found = 0;
     MPI_Message handle = MPI_MESSAGE_NULL;
     MPI_Status status;
-    require_success(MPI_Improbe(path_.rank, MPI_ANY_TAG, path_.comm, &found, &handle, &status), "waiting for a message");
+    require_success(MPI_Improbe(path_.rank, MPI_ANY_TAG, path_.comm, &found, &handle, &status),
+                    "waiting for a message");
     if (found == 0)
     {
       progress_sends();

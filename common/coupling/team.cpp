@@ -28,10 +28,10 @@ int count_of(std::uint64_t bytes)
 void wait_for(const std::string& who, Patience& patience)
 {
   if (patience.pause() == Patience::Verdict::give_up)
-    throw ProtocolError(code::partner_silent,
-                        who + " of this program has kept the others waiting for " +
-                            std::to_string(patience.waited()) +
-                            " s\n       it may be stuck or stopped, or has not made the same collective call");
+    throw ProtocolError(
+        code::partner_silent,
+        who + " of this program has kept the others waiting for " + std::to_string(patience.waited()) +
+            " s\n       it may be stuck or stopped, or has not made the same collective call");
 }
 
 } // namespace
@@ -56,7 +56,8 @@ void Team::complete(MPI_Request request) const
   Patience patience(limit_);
   for (int done = 0;;)
   {
-    require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent, "telling all ranks of a program");
+    require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent,
+                "telling all ranks of a program");
     if (done != 0)
       return;
     wait_for("rank 0", patience);
@@ -101,7 +102,8 @@ std::vector<std::vector<std::byte>> Team::collect(std::span<const std::byte> min
     MPI_Imrecv(part.data(), size, MPI_BYTE, &handle, &request);
     for (int done = 0; done == 0;)
     {
-      require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent, "collecting from all ranks of a program");
+      require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent,
+                  "collecting from all ranks of a program");
       if (done == 0)
         wait_for("rank " + std::to_string(rank), patience);
     }

@@ -24,7 +24,8 @@ public:
 
   int rank() const { return rank_; }
   int size() const { return size_; }
-  /// Bytes of rank 0 on all. Others wait for rank 0 without using their core. @throws ProtocolError(36) at the limit
+  /// Bytes of rank 0 on all. Others wait for rank 0 without using their core. @throws ProtocolError(36) at
+  /// the limit
   std::vector<std::byte> tell(std::vector<std::byte> bytes) const;
   /// Bytes of all ranks on rank 0, by rank; on others nothing. @throws ProtocolError(36) at the limit
   std::vector<std::vector<std::byte>> collect(std::span<const std::byte> mine) const;

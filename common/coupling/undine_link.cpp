@@ -30,7 +30,8 @@ struct undine_link
   undine::link::Setup setup;
   bool has_setup = false;
   undine::link::SurfaceMesh surface; ///< distributed: nodes of this rank
-  /// Distributed: faces of this rank by node_id, and the place in this rank's arrays of each row of its vectors.
+  /// Distributed: faces of this rank by node_id, and the place in this rank's arrays of each row of its
+  /// vectors.
   std::vector<std::int64_t> face_ids;
   std::vector<std::size_t> place;
   std::vector<double> rows, more_rows;
@@ -225,8 +226,8 @@ std::int32_t interface_index(const undine_link& link, const char* name, const ch
   std::string known;
   for (const auto& one : names)
     known += (known.empty() ? "" : ", ") + one;
-  require(found != names.end(), std::string(function) + ": the case has no interface '" + name +
-                                    "'; it has: " + known);
+  require(found != names.end(),
+          std::string(function) + ": the case has no interface '" + name + "'; it has: " + known);
   return static_cast<std::int32_t>(found - names.begin());
 }
 
@@ -261,12 +262,13 @@ SurfaceMesh joined(const undine_link& link, const std::vector<std::vector<std::b
     const auto face_ids = in.i64_list("face_nodes");
     for (std::size_t k = 0; k < id.size(); ++k)
     {
-      const auto rows = [k](const std::vector<double>& all, std::size_t width) {
+      const auto rows = [k](const std::vector<double>& all, std::size_t width)
+      {
         return std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(k * width),
                                    all.begin() + static_cast<std::ptrdiff_t>((k + 1) * width));
       };
-      const auto [place, is_new] = nodes.try_emplace(
-          id[k], Node{static_cast<std::int32_t>(rank), rows(x, dim), rows(W, dim * dim)});
+      const auto [place, is_new] =
+          nodes.try_emplace(id[k], Node{static_cast<std::int32_t>(rank), rows(x, dim), rows(W, dim * dim)});
       require(is_new, "undine_send_surface: node " + std::to_string(id[k]) + " was given by rank " +
                           std::to_string(place->second.owner) + " and by rank " + std::to_string(rank) +
                           "; each node belongs to one rank");
@@ -414,24 +416,23 @@ int open_link(undine_link** link, const char* role, const char* solver, std::uin
   if (link == nullptr)
     return fail(nullptr, code::internal_error, "undine_open: link is NULL");
   *link = nullptr;
-  return guarded(
-      nullptr,
-      [&]
-      {
-        require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
-        auto opened = std::make_unique<undine_link>();
-        opened->role = role;
-        opened->world = std::make_unique<World>(World::connect(
-            {.role = role,
-             .solver = solver,
-             .partners = {"coupler"},
-             .capabilities = capabilities | capability::distributed},
-            {.hello = hello_seconds, .stall = stall_seconds}));
-        opened->stall_seconds = stall_seconds;
-        if (auto channel = opened->world->channel("coupler"))
-          opened->conversation.emplace(std::move(channel));
-        *link = opened.release();
-      });
+  return guarded(nullptr,
+                 [&]
+                 {
+                   require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
+                   auto opened = std::make_unique<undine_link>();
+                   opened->role = role;
+                   opened->world = std::make_unique<World>(
+                       World::connect({.role = role,
+                                       .solver = solver,
+                                       .partners = {"coupler"},
+                                       .capabilities = capabilities | capability::distributed},
+                                      {.hello = hello_seconds, .stall = stall_seconds}));
+                   opened->stall_seconds = stall_seconds;
+                   if (auto channel = opened->world->channel("coupler"))
+                     opened->conversation.emplace(std::move(channel));
+                   *link = opened.release();
+                 });
 }
 
 } // namespace
@@ -604,54 +605,53 @@ extern "C"
   int undine_add_faces(undine_link* link, const char* interface_name, int64_t n_faces, int32_t nodes_per_face,
                        const int32_t* face_nodes)
   {
-    return guarded(
-        link,
-        [&]
-        {
-          conversation(link, "undine_add_faces");
-          require_faces("undine_add_faces", interface_name, face_nodes, n_faces, nodes_per_face);
-          auto& surface = link->surface;
-          const auto interface = interface_index(*link, interface_name, "undine_add_faces");
-          const auto size = static_cast<std::size_t>(n_faces) * static_cast<std::size_t>(nodes_per_face);
-          for (std::size_t k = 0; k < size; ++k)
-            require(face_nodes[k] >= 0 && face_nodes[k] < surface.n_nodes(),
-                    "undine_add_faces: face_nodes[" + std::to_string(k) +
-                        "] = " + std::to_string(face_nodes[k]) + " is no position in the " +
-                        std::to_string(surface.n_nodes()) + " wet nodes");
-          if (link->team)
-            for (std::size_t k = 0; k < size; ++k)
-              link->face_ids.push_back(surface.node_id[static_cast<std::size_t>(face_nodes[k])]);
-          else
-            surface.face_nodes.insert(surface.face_nodes.end(), face_nodes, face_nodes + size);
-          for (int64_t f = 0; f < n_faces; ++f)
-          {
-            surface.face_offset.push_back(surface.face_offset.back() + nodes_per_face);
-            surface.face_interface.push_back(interface);
-          }
-        });
+    return guarded(link,
+                   [&]
+                   {
+                     conversation(link, "undine_add_faces");
+                     require_faces("undine_add_faces", interface_name, face_nodes, n_faces, nodes_per_face);
+                     auto& surface = link->surface;
+                     const auto interface = interface_index(*link, interface_name, "undine_add_faces");
+                     const auto size =
+                         static_cast<std::size_t>(n_faces) * static_cast<std::size_t>(nodes_per_face);
+                     for (std::size_t k = 0; k < size; ++k)
+                       require(face_nodes[k] >= 0 && face_nodes[k] < surface.n_nodes(),
+                               "undine_add_faces: face_nodes[" + std::to_string(k) +
+                                   "] = " + std::to_string(face_nodes[k]) + " is no position in the " +
+                                   std::to_string(surface.n_nodes()) + " wet nodes");
+                     if (link->team)
+                       for (std::size_t k = 0; k < size; ++k)
+                         link->face_ids.push_back(surface.node_id[static_cast<std::size_t>(face_nodes[k])]);
+                     else
+                       surface.face_nodes.insert(surface.face_nodes.end(), face_nodes, face_nodes + size);
+                     for (int64_t f = 0; f < n_faces; ++f)
+                     {
+                       surface.face_offset.push_back(surface.face_offset.back() + nodes_per_face);
+                       surface.face_interface.push_back(interface);
+                     }
+                   });
   }
 
   int undine_add_faces_by_id(undine_link* link, const char* interface_name, int64_t n_faces,
                              int32_t nodes_per_face, const int64_t* node_ids)
   {
-    return guarded(link,
-                   [&]
-                   {
-                     conversation(link, "undine_add_faces_by_id");
-                     require(link->team.has_value(),
-                             "undine_add_faces_by_id is for ranks after undine_distribute; undine_add_faces "
-                             "takes positions");
-                     require_faces("undine_add_faces_by_id", interface_name, node_ids, n_faces,
-                                   nodes_per_face);
-                     const auto interface = interface_index(*link, interface_name, "undine_add_faces_by_id");
-                     link->face_ids.insert(link->face_ids.end(), node_ids,
-                                           node_ids + n_faces * nodes_per_face);
-                     for (int64_t f = 0; f < n_faces; ++f)
-                     {
-                       link->surface.face_offset.push_back(link->surface.face_offset.back() + nodes_per_face);
-                       link->surface.face_interface.push_back(interface);
-                     }
-                   });
+    return guarded(
+        link,
+        [&]
+        {
+          conversation(link, "undine_add_faces_by_id");
+          require(link->team.has_value(),
+                  "undine_add_faces_by_id is for ranks after undine_distribute; undine_add_faces "
+                  "takes positions");
+          require_faces("undine_add_faces_by_id", interface_name, node_ids, n_faces, nodes_per_face);
+          const auto interface = interface_index(*link, interface_name, "undine_add_faces_by_id");
+          link->face_ids.insert(link->face_ids.end(), node_ids, node_ids + n_faces * nodes_per_face);
+          for (int64_t f = 0; f < n_faces; ++f)
+          {
+            link->surface.face_offset.push_back(link->surface.face_offset.back() + nodes_per_face);
+            link->surface.face_interface.push_back(interface);
+          }
+        });
   }
 
   int undine_send_surface(undine_link* link)
@@ -724,32 +724,31 @@ extern "C"
   int undine_next_window(undine_link* link, undine_window* window)
   {
     int ended = UNDINE_OK;
-    const int code =
-        guarded(link,
-                [&]
-                {
-                  auto& talk = conversation(link, "undine_next_window");
-                  require(window != nullptr, "undine_next_window: window is NULL");
-                  const auto order = next_order(*link, talk);
-                  if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
-                  {
-                    link->checkpoint = *checkpoint;
-                    ended = UNDINE_CHECKPOINT;
-                    return;
-                  }
-                  const Window* next = std::get_if<Window>(&order);
-                  if (next == nullptr)
-                    ended = UNDINE_END;
-                  else
-                    *window = {.index = next->index,
-                               .steps = next->steps,
-                               .t_begin = next->t_begin,
-                               .t_end = next->t_end,
-                               .fine = next->fine,
-                               .activate = next->activate,
-                               .output = next->output,
-                               .last = next->last};
-                });
+    const int code = guarded(link,
+                             [&]
+                             {
+                               auto& talk = conversation(link, "undine_next_window");
+                               require(window != nullptr, "undine_next_window: window is NULL");
+                               const auto order = next_order(*link, talk);
+                               if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
+                               {
+                                 link->checkpoint = *checkpoint;
+                                 ended = UNDINE_CHECKPOINT;
+                                 return;
+                               }
+                               const Window* next = std::get_if<Window>(&order);
+                               if (next == nullptr)
+                                 ended = UNDINE_END;
+                               else
+                                 *window = {.index = next->index,
+                                            .steps = next->steps,
+                                            .t_begin = next->t_begin,
+                                            .t_end = next->t_end,
+                                            .fine = next->fine,
+                                            .activate = next->activate,
+                                            .output = next->output,
+                                            .last = next->last};
+                             });
     return code == UNDINE_OK ? ended : code;
   }
 

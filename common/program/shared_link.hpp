@@ -14,9 +14,9 @@ namespace undine
 
 /// link::SolverLink for a program on several ranks. What concerns all of them (setup, surface of the partner,
 /// windows, checkpoints) reaches all: these functions are collective. Vectors of the wet surface (velocities,
-/// forces, kinematics) are sent and received by every rank that has a link, for the rows that the mesh says are
-/// its own; on a rank without a link these functions do nothing. Reports and meshes are sent by rank 0, and the
-/// others with a link must call the same functions.
+/// forces, kinematics) are sent and received by every rank that has a link, for the rows that the mesh says
+/// are its own; on a rank without a link these functions do nothing. Reports and meshes are sent by rank 0,
+/// and the others with a link must call the same functions.
 class SharedLink
 {
 public:

@@ -3,6 +3,7 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/team.hpp"
 #include "common/coupling/wire.hpp"
 
 #include <mpi.h>
@@ -282,6 +283,12 @@ void solve(const World& world, const Options& options)
 
 void couple(const World& world, const Options& options)
 {
+  const Team team(world.comm(), 0.0);
+  if (team.rank() > 0)
+  {
+    team.tell({}); // comes at the end: other ranks have nothing to do here
+    return;
+  }
   PartnerLink fluid(world.channel("fluid"), "fluid", [&](int rank) { return world.path("fluid", rank); });
   PartnerLink solid(world.channel("solid"), "solid", [&](int rank) { return world.path("solid", rank); });
   const std::int64_t windows = std::int64_t(options.number("windows", 200));
@@ -334,6 +341,7 @@ void couple(const World& world, const Options& options)
   const double wall = seconds_since(start);
   fluid.send_bye();
   solid.send_bye();
+  team.tell({});
   std::printf("%lld windows with %lld exchanges each: %.1f us per exchange\n",
               static_cast<long long>(windows), static_cast<long long>(m + 1),
               1e6 * wall / double(windows * (m + 1)));

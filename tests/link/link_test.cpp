@@ -187,8 +187,8 @@ constexpr MessageType all_types[] = {
 
 } // namespace
 
-// Rows 0 and 2 are rank 2's, row 1 is rank 0's; after the first window all are rank 2's, after the second rank
-// 0's.
+// Rows 0 and 2 are rank 2's, row 1 is rank 0's; after the first window all are rank 2's, after the second
+// rank 0's.
 TEST_CASE("rows of several ranks are exchanged with their owners", "[link][unit]")
 {
   const std::vector<std::vector<std::int32_t>> owners{{2, 0, 2}, {2, 2, 2}, {}};
@@ -315,9 +315,17 @@ TEST_CASE("an owner that says something wrong is named", "[link][unit]")
   std::vector<double> bad{0.5, std::nan(""), 1.0, 2.0};
   const std::vector<double> two_rows{1.0, 2.0, 3.0, 4.0};
   const std::vector<Wrong> wrongs{
-      {[&](Puppet& p) { p.vector(MessageType::free_velocity, bad, 0); }, 37, {"solid rank 2", "component 1 of node 0"}},
-      {[&](Puppet& p) { p.vector(MessageType::free_velocity, {1.0, 2.0}, 0); }, 37, {"solid rank 2", "2 nodes"}},
-      {[&](Puppet& p) { p.vector(MessageType::free_velocity, two_rows, 1); }, 37, {"solid rank 2", "window 1"}},
+      {[&](Puppet& p) { p.vector(MessageType::free_velocity, bad, 0); },
+       37,
+       {"solid rank 2", "component 1 of node 0"}},
+      {[&](Puppet& p) {
+         p.vector(MessageType::free_velocity, {1.0, 2.0}, 0);
+       },
+       37,
+       {"solid rank 2", "2 nodes"}},
+      {[&](Puppet& p) { p.vector(MessageType::free_velocity, two_rows, 1); },
+       37,
+       {"solid rank 2", "window 1"}},
       {[&](Puppet& p) { p.empty(MessageType::bye_ack, 0); }, 37, {"solid rank 2", "expected FREE_VELOCITY"}},
       {[&](Puppet& p) { p.tell(MessageType::fail, wire::Failed{.code = 10, .text = "inverted"}, 0); },
        40,

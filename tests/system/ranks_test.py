@@ -25,7 +25,8 @@ MARGIN = 8   # for a machine on which others compute
 
 
 def line_of(case, out, ranks, *options, solid=1):
-    """mpirun line with the fluid on so many ranks, coupled where the case is; of a solid alone it is its number."""
+    """mpirun line with the fluid on so many ranks, coupled where the case is, then the coupler on as many as the solid; of a
+    solid alone it is its number."""
     common = [str(case), "--out", str(out), *options]
     fluid = ["-n", str(ranks), programs.program("fluid"), *common]
     text = case.read_text()
@@ -33,7 +34,7 @@ def line_of(case, out, ranks, *options, solid=1):
         return [*programs.MPIRUN, "-n", str(ranks), programs.program("solid"), *common]
     if "[coupling]" not in text and "[[interface]]" not in text:
         return [*programs.MPIRUN, *fluid]
-    return [*programs.MPIRUN, "-n", "1", programs.program("coupler"), *common, ":", *fluid, ":", "-n", str(solid), programs.program("solid"), *common]
+    return [*programs.MPIRUN, "-n", str(solid), programs.program("coupler"), *common, ":", *fluid, ":", "-n", str(solid), programs.program("solid"), *common]
 
 
 def checkpoints(out):
@@ -165,7 +166,7 @@ class Failures(RanksTest):
         self.assertIn("fluid", "\n".join(ended.errors()))
 
     def test_a_silent_rank_of_the_solid_ends_a_coupled_run(self):
-        ended = self.run_and_hit(self.gate, 1, 3, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001", solid=2, program="solid_fe")
+        ended = self.run_and_hit(self.gate, 1, 4, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001", solid=2, program="solid_fe")
         self.assertEqual(ended.code, 36, ended.text)
         self.assertIn("solid", "\n".join(ended.errors()))
 

@@ -195,7 +195,10 @@ void judge_hello(const Options& options, Findings& findings)
 
 World meet(const Options& options)
 {
-  return World::connect({.role = "coupler", .solver = "undine-conform", .dim = 0, .partners = {options.role},
+  return World::connect({.role = "coupler",
+                         .solver = "undine-conform",
+                         .dim = 0,
+                         .partners = {options.role},
                          .capabilities = capability::distributed},
                         {.hello = options.limit, .stall = options.limit});
 }
