@@ -436,7 +436,7 @@ Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const Interf
                              double search_distance, const link::Team* team)
 {
   const bool share =
-      team != nullptr && team->size() > 1 && dim == 3 && multiplier.faces.size() >= faces_worth_sharing;
+      team != nullptr && team->size() > 1 && multiplier.faces.size() >= faces_worth_sharing<dim>;
   const std::vector<FaceParts> all =
       share ? integrate_with(*team, multiplier, other, search_distance)
             : std::vector{integrate_faces(multiplier, other, search_distance, 0, multiplier.faces.size())};

@@ -54,14 +54,18 @@ struct Mortar
 };
 
 /// Integrate D and C. Faces further apart than `search_distance`, or facing the same way, do not meet.
-/// team: with other ranks of the coupler, which are in help_with_mortars(), if the interface is large enough
-/// to pay (space, from faces_worth_sharing on); nullptr: alone. The same bits in any case: what a face gives
-/// is summed on one rank, and the faces' sums are added in the order of the faces.
+/// team: with other ranks of the coupler, which are in help_with_mortars(), if there are faces_worth_sharing;
+/// nullptr: alone. The same bits in any case: what a face gives is summed on one rank, and the faces' sums
+/// are added in the order of the faces.
 template <int dim>
 Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
                              double search_distance, const link::Team* team = nullptr);
 
-inline constexpr std::size_t faces_worth_sharing = 1000; ///< multiplier faces; docs/benchmarks/scaling.md
+/// Multiplier faces from which on sharing pays: 20 ms of integration (4 us per face in the plane, 70 in
+/// space) against the millisecond after which a sleeping rank wakes up and its answer;
+/// docs/benchmarks/scaling.md
+template <int dim>
+inline constexpr std::size_t faces_worth_sharing = dim == 2 ? 5000 : 250;
 
 /// What the coupler's other ranks than 0 do until rank 0 dismisses them. They wait without using their cores.
 void help_with_mortars(const link::Team& team);

@@ -30,7 +30,19 @@ InterfaceFaces<3> sheet(int n, bool up)
   return side;
 }
 
-bool same(const Mortar<3>& a, const Mortar<3>& b)
+/// A wavy line of n edges from (0, 0) to (1, 0), facing up or down.
+InterfaceFaces<2> line(int n, bool up)
+{
+  InterfaceFaces<2> side;
+  for (int i = 0; i <= n; ++i)
+    side.x.push_back({{double(i) / n, 0.01 * std::sin(5.0 * i / n)}});
+  for (int i = 0; i < n; ++i)
+    side.faces.push_back(up ? std::vector<int>{i + 1, i} : std::vector<int>{i, i + 1});
+  return side;
+}
+
+template <int dim>
+bool same(const Mortar<dim>& a, const Mortar<dim>& b)
 {
   const auto equal = [](const auto& x, const auto& y)
   { return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0; };
@@ -40,7 +52,7 @@ bool same(const Mortar<3>& a, const Mortar<3>& b)
 
 } // namespace
 
-// Truth: rank 0 alone. 1156 faces over 729 that do not match them.
+// Truth: rank 0 alone. 1156 faces over 729 that do not match them, 6000 edges over 5500.
 TEST_CASE("mortar integrals of several ranks have the bits of one", "[coupler][ranks]")
 {
   const link::Team team(MPI_COMM_WORLD, 60.0);
@@ -50,13 +62,17 @@ TEST_CASE("mortar integrals of several ranks have the bits of one", "[coupler][r
     SUCCEED("dismissed");
     return;
   }
-  const auto fine = sheet(34, true), coarse = sheet(27, false);
-  REQUIRE(fine.faces.size() >= faces_worth_sharing);
+  const auto fine = sheet(34, true), coarse = sheet(27, false), few = sheet(12, false);
+  REQUIRE(coarse.faces.size() >= faces_worth_sharing<3>);
+  REQUIRE(few.faces.size() < faces_worth_sharing<3>);
   const auto alone = integrate_mortar<3>(fine, coarse, 0.02);
   CHECK(alone.covered[0] == Approx(1.0).epsilon(1e-3)); // curved sheets that differ by h²
   CHECK(same(integrate_mortar<3>(fine, coarse, 0.02, &team), alone));
-  CHECK(same(integrate_mortar<3>(coarse, fine, 0.02, &team),
-             integrate_mortar<3>(coarse, fine, 0.02))); // too few to share
+  CHECK(same(integrate_mortar<3>(coarse, fine, 0.02, &team), integrate_mortar<3>(coarse, fine, 0.02)));
+  CHECK(same(integrate_mortar<3>(few, fine, 0.02, &team), integrate_mortar<3>(few, fine, 0.02)));
   CHECK(same(integrate_mortar<3>(fine, coarse, 1e-9, &team), integrate_mortar<3>(fine, coarse, 1e-9)));
+  const auto upper = line(6000, false), lower = line(5500, true);
+  REQUIRE(lower.faces.size() >= faces_worth_sharing<2>);
+  CHECK(same(integrate_mortar<2>(upper, lower, 0.01, &team), integrate_mortar<2>(upper, lower, 0.01)));
   dismiss_helpers(team);
 }
