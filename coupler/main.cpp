@@ -135,7 +135,6 @@ ExitCode start(Launch& launch)
           log->warn(text);
           fmt::print(stderr, "warning: {}\n", text);
         });
-    coupler::dismiss_helpers(team);
     std::string reason = checkpoints.stop_reason();
     for (const link::PartnerLink& p : partners)
       if (p.stop_requested())

@@ -170,6 +170,22 @@ class Failures(RanksTest):
         self.assertEqual(ended.code, 36, ended.text)
         self.assertIn("solid", "\n".join(ended.errors()))
 
+    def test_a_stopped_helper_of_the_coupler_is_named(self):
+        """At the latest where the run ends: a helper that sleeps is not missed before."""
+        case = programs.ROOT / "cases" / "elastic_column" / "case.toml"
+        line = line_of(case, self.out, 1, *sets(f"coupling.stall_timeout={2 * STALL}", "run.t_end=0.02", "run.resolution=24"), solid=2)
+
+        def act(process):
+            while not (self.out / "history").is_dir():
+                time.sleep(0.02)
+            for pid, name in programs.descendants(process.pid).items():
+                if name == "coupler" and "OMPI_COMM_WORLD_RANK=1\0" in Path(f"/proc/{pid}/environ").read_text():
+                    os.kill(pid, signal.SIGSTOP)
+        ended = programs.run(line, STALL * 3 + MARGIN, act)
+        self.assertEqual(ended.code, 36, ended.text)
+        self.assertIn("rank 1 of this program has kept the others waiting for 2", ended.text)
+        self.assertEqual(ended.left, [], "processes outlive mpirun")
+
     def test_a_killed_or_silent_rank_of_a_solid_alone(self):
         for number, code in ((signal.SIGKILL, 137), (signal.SIGSTOP, 36)):
             self.out = self.folder / str(code)
