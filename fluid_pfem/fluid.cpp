@@ -587,9 +587,11 @@ FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
       internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
     potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
-  for (const double given : whole ? std::span<const double>(exchange_energy_)
-                                  : std::span<const double>(exchange_energy_).subspan(begin, end - begin))
-    exchanged.add(given);
+  if (whole && !ranks().alone())
+    exchanged = exchange_of_all_;
+  else
+    for (std::size_t i = begin; i < end; ++i)
+      exchanged.add(exchange_energy_[i]);
   std::vector<double> heat = sums_.heat;
   if (!whole)
   {
@@ -651,6 +653,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   {
     collect();
     cool();
+    ranks().gather_rows(mass_rate_, team_.nodes_of_ranks());
+    ranks().gather_rows(x_remesh_, team_.nodes_of_ranks());
   }
   nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
   archive("elements", mesh_.elements);
@@ -695,9 +699,10 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   if (!archive.reading())
     return;
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
+  exchange_of_all_ = {};
   connect_mesh(part_of_all(std::move(mesh_.elements)));
   measure_quality();
-  collected_ = true;
+  collected_ = ranks().alone();
   moves_.clear();
   if (ranks().rank() != 0)
     for (ExactSum* sum : contact_.sums())

@@ -3,6 +3,7 @@
 
 #include "common/coupling/messages.hpp"
 #include "common/io/state_archive.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "common/parallel/halo.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid_config.hpp"
@@ -91,11 +92,12 @@ struct Patches
 /// Invariant: between two calls of step functions, V, rho, p and a belong to the positions x; wet nodes are
 /// [0, n_wet).
 ///
-/// On several ranks each has all nodes and the whole mesh, but steps only its part: a range of nodes, which
-/// in the order of nodes are neighbours in space. Rows of other ranks are right at its ghosts, and everywhere
-/// after collect(), which a remesh begins with: each rank then chooses the elements of its nodes, all ranks
-/// put them together, and each goes on with its part. Rank 0 has all wet nodes and their layer. Results have
-/// the bits that they have on one rank.
+/// On several ranks each numbers all nodes and elements, but steps only its part: a range of nodes, which in
+/// the order of nodes are neighbours in space, and the elements that touch them. Rows of other nodes are
+/// right at its ghosts, those of other elements nowhere; everywhere after collect(). Before a remesh the
+/// state of all nodes is gathered; each rank chooses the elements of its nodes, passes on those that are now
+/// another's, and goes on with its part. Rank 0 has all wet nodes and their layer. Results have the bits that
+/// they have on one rank.
 template <int dim>
 class Fluid
 {
@@ -209,6 +211,9 @@ private:
   std::vector<Simplex<dim>> part_of_all(std::vector<Simplex<dim>> simplices) const;
   void finish_mesh(std::vector<Simplex<dim>> elements);
   void connect_mesh(std::vector<Simplex<dim>> elements);
+  void share_elements(std::vector<Simplex<dim>> sorted);
+  void gather_state();
+  std::span<const Simplex<dim>> own_elements() const;
   void measure_quality();
   void choose_slow_axis();
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
@@ -220,6 +225,7 @@ private:
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
                       std::span<const index_t> number, std::span<const double> V_before,
                       std::vector<Vec<dim>>& v_half);
+  void gather_volumes(const Patches& patches);
   Vec<dim> from_first(const Patches& patches, index_t patch, const Vec<dim>& x) const;
   std::vector<MassesInMotion<dim>> motion_of(const Patches& patches, std::span<const Vec<dim>> v_half) const;
   void keep_momenta(const Patches& patches, std::span<const MassesInMotion<dim>> had,
@@ -280,6 +286,7 @@ private:
   mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
   std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]
+  ExactSum exchange_of_all_;            ///< its sum when the rows were collected
   double unbooked_ = 0.0;               ///< time since that was last booked [s]
   double exchanged_ = 0.0;              ///< the same of all nodes before the last remesh [J]
   index_t n_wet_ = 0;                   ///< nodes on an interface
@@ -288,7 +295,7 @@ private:
   index_t e_layer_ = 0;                 ///< elements that touch wet nodes or their neighbours
   std::vector<index_t> constrained_;    ///< nodes on walls of the box
   std::vector<double> f_link_;          ///< last link force, n_wet × dim
-  std::vector<float> quality_;          ///< of each element of this rank at the last remesh
+  std::vector<float> quality_;          ///< of each element at the last remesh
   std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh
   std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good

@@ -4,7 +4,7 @@
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
-#include <iterator>
+#include <limits>
 
 namespace undine::fluid
 {
@@ -121,21 +121,27 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, i
 } // namespace
 
 template <int dim>
-std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements)
+std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements)
 {
-  // By the first corner with a count, then the few that share it; what names a node −1 comes first.
-  std::vector<index_t> begin(static_cast<std::size_t>(n_nodes) + 2, 0);
+  if (elements.empty())
+    return elements;
+  index_t lowest = std::numeric_limits<index_t>::max(), highest = std::numeric_limits<index_t>::min();
   for (auto& e : elements)
   {
     e = canonical<dim>(e);
-    ++begin[static_cast<std::size_t>(e[0] + 2)];
+    lowest = std::min(lowest, e[0]);
+    highest = std::max(highest, e[0]);
   }
+  // By the first corner with a count, then the few that share it.
+  std::vector<index_t> begin(static_cast<std::size_t>(highest - lowest) + 2, 0);
+  for (const auto& e : elements)
+    ++begin[static_cast<std::size_t>(e[0] - lowest + 1)];
   for (std::size_t n = 1; n < begin.size(); ++n)
     begin[n] += begin[n - 1];
   std::vector<Simplex<dim>> sorted(elements.size());
   std::vector<index_t> next(begin.begin(), begin.end() - 1);
   for (const auto& e : elements)
-    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0] + 1)]++)] = e;
+    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0] - lowest)]++)] = e;
   for (std::size_t n = 0; n + 1 < begin.size(); ++n)
     std::sort(sorted.begin() + begin[n], sorted.begin() + begin[n + 1]);
   return sorted;
@@ -148,23 +154,40 @@ std::array<std::size_t, 2> rows_of_rank(std::size_t n, const Ranks& ranks)
 }
 
 template <int dim>
-std::vector<Simplex<dim>> gather_sorted(std::vector<Simplex<dim>> sorted, const Ranks& ranks)
+std::vector<Simplex<dim>> sorted_over_ranks(std::vector<Simplex<dim>> sorted, const Ranks& ranks)
 {
   if (ranks.alone())
     return sorted;
-  std::vector<std::size_t> counts;
-  std::vector<Simplex<dim>> all = ranks.gather(sorted, &counts);
-  auto end = all.begin();
-  for (const std::size_t count : counts)
+  const auto size = static_cast<std::size_t>(ranks.size());
+  constexpr std::size_t samples = 64; // of each rank
+  std::vector<index_t> sample;
+  for (std::size_t k = 0; k < samples && !sorted.empty(); ++k)
+    sample.push_back(sorted[k * sorted.size() / samples][0]);
+  sample = ranks.gather(sample);
+  std::sort(sample.begin(), sample.end());
+  std::vector<std::vector<Simplex<dim>>> parts(size);
+  auto end = sorted.begin();
+  for (std::size_t r = 0; r < size; ++r)
   {
-    // Parts of ranks mostly follow each other: only where they overlap there is something to merge.
-    const auto middle = end;
-    end += static_cast<std::ptrdiff_t>(count);
-    if (middle != all.begin() && middle != end)
-      std::inplace_merge(std::upper_bound(all.begin(), middle, *middle), middle,
-                         std::lower_bound(middle, end, *(middle - 1)));
+    const auto begin = end;
+    end = r + 1 == size || sample.empty()
+              ? sorted.end()
+              : sorted.begin() + first_element_from<dim>(sorted, sample[(r + 1) * sample.size() / size]);
+    end = std::max(begin, end);
+    parts[r].assign(begin, end);
   }
-  return all;
+  parts = ranks.exchange(parts);
+  sorted.clear();
+  for (const auto& part : parts)
+  {
+    // Mostly parts follow each other: only where they overlap there is something to merge.
+    const auto middle = static_cast<std::ptrdiff_t>(sorted.size());
+    sorted.insert(sorted.end(), part.begin(), part.end());
+    if (const auto it = sorted.begin() + middle; middle != 0 && it != sorted.end())
+      std::inplace_merge(std::upper_bound(sorted.begin(), it, *it), it,
+                         std::lower_bound(it, sorted.end(), *(it - 1)));
+  }
+  return sorted;
 }
 
 template <int dim>
@@ -176,33 +199,39 @@ index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n)
 }
 
 template <int dim>
-void find_fans(FluidMesh<dim>& mesh, index_t n_nodes, index_t begin, index_t end)
+void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const index_t> earlier,
+               index_t e_begin, index_t e_end)
 {
-  mesh.first_with_fan = begin;
-  mesh.fan_begin.assign(static_cast<std::size_t>(n_nodes) + 1, 0);
-  for (const auto& e : mesh.elements)
-    for (const index_t n : e)
-      ++mesh.fan_begin[static_cast<std::size_t>(n) + 1];
-  for (std::size_t n = 0; n < static_cast<std::size_t>(n_nodes); ++n)
-    mesh.fan_begin[n + 1] += mesh.fan_begin[n];
-  const auto first = mesh.fan_begin.begin() + begin, last = mesh.fan_begin.begin() + end;
-  mesh.fans.resize(static_cast<std::size_t>(*last - *first));
-  std::vector<index_t> next;
-  std::transform(first, last, std::back_inserter(next), [first](index_t k) { return k - *first; });
-
-  for (index_t e = 0; e < mesh.n_elements(); ++e)
+  const auto each_corner = [&](auto&& visit) // that is one of the nodes
   {
-    const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
-    if (nodes[0] >= end)
-      break;
-    for (int a = 0; a <= dim; ++a)
-      if (const index_t n = nodes[static_cast<std::size_t>(a)]; n >= begin && n < end)
-        mesh.fans[static_cast<std::size_t>(next[static_cast<std::size_t>(n - begin)]++)] = {
-            .element = e, .opposite = facet_opposite<dim>(nodes, a)};
-  }
+    const auto look = [&](index_t e)
+    {
+      const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
+      for (int a = 0; a <= dim; ++a)
+        if (const index_t n = nodes[static_cast<std::size_t>(a)]; n >= begin && n < end)
+          visit(e, a, static_cast<std::size_t>(n - begin));
+    };
+    std::for_each(earlier.begin(), earlier.end(), look);
+    for (index_t e = e_begin; e < e_end; ++e)
+      look(e);
+  };
+  mesh.first_with_fan = begin;
+  auto& first = mesh.fan_begin;
+  first.assign(static_cast<std::size_t>(end - begin) + 1, 0);
+  each_corner([&](index_t, int, std::size_t k) { ++first[k + 1]; });
+  for (std::size_t k = 1; k < first.size(); ++k)
+    first[k] += first[k - 1];
+  mesh.fans.resize(static_cast<std::size_t>(first.back()));
+  std::vector<index_t> next(first.begin(), first.end() - 1);
+  each_corner(
+      [&](index_t e, int a, std::size_t k)
+      {
+        mesh.fans[static_cast<std::size_t>(next[k]++)] = {
+            .element = e, .opposite = facet_opposite<dim>(mesh.elements[static_cast<std::size_t>(e)], a)};
+      });
   if constexpr (dim == 2)
-    for (auto n = first; n != last; ++n)
-      chain({mesh.fans.data() + (*n - *first), mesh.fans.data() + (*(n + 1) - *first)});
+    for (std::size_t k = 0; k + 1 < first.size(); ++k)
+      chain({mesh.fans.data() + first[k], mesh.fans.data() + first[k + 1]});
   mesh.boundary = boundary_of(mesh, begin, end);
 }
 
@@ -210,21 +239,21 @@ template <int dim>
 FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
 {
   FluidMesh<dim> mesh;
-  mesh.elements = sorted_elements<dim>(n_nodes, std::move(elements));
-  find_fans<dim>(mesh, n_nodes, 0, n_nodes);
+  mesh.elements = sorted_elements<dim>(std::move(elements));
+  find_fans<dim>(mesh, 0, n_nodes, {}, 0, mesh.n_elements());
   return mesh;
 }
 
-template void find_fans<2>(FluidMesh<2>&, index_t, index_t, index_t);
-template void find_fans<3>(FluidMesh<3>&, index_t, index_t, index_t);
+template void find_fans<2>(FluidMesh<2>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
+template void find_fans<3>(FluidMesh<3>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
 template Simplex<2> canonical<2>(const Simplex<2>&);
 template Simplex<3> canonical<3>(const Simplex<3>&);
-template std::vector<Simplex<2>> sorted_elements<2>(index_t, std::vector<Simplex<2>>);
-template std::vector<Simplex<3>> sorted_elements<3>(index_t, std::vector<Simplex<3>>);
+template std::vector<Simplex<2>> sorted_elements<2>(std::vector<Simplex<2>>);
+template std::vector<Simplex<3>> sorted_elements<3>(std::vector<Simplex<3>>);
 template index_t first_element_from<2>(std::span<const Simplex<2>>, index_t);
 template index_t first_element_from<3>(std::span<const Simplex<3>>, index_t);
-template std::vector<Simplex<2>> gather_sorted<2>(std::vector<Simplex<2>>, const Ranks&);
-template std::vector<Simplex<3>> gather_sorted<3>(std::vector<Simplex<3>>, const Ranks&);
+template std::vector<Simplex<2>> sorted_over_ranks<2>(std::vector<Simplex<2>>, const Ranks&);
+template std::vector<Simplex<3>> sorted_over_ranks<3>(std::vector<Simplex<3>>, const Ranks&);
 template FluidMesh<2> connect<2>(index_t, std::vector<Simplex<2>>);
 template FluidMesh<3> connect<3>(index_t, std::vector<Simplex<3>>);
 

@@ -46,21 +46,17 @@ struct FluidMesh
   std::vector<Simplex<dim>>
       elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
   std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
-  std::vector<index_t> fan_begin;   ///< size n_nodes + 1
+  std::vector<index_t> fan_begin;   ///< of each node with a fan, and the end
   std::vector<FanEntry<dim>> fans;  ///< in the plane counter-clockwise around each node
   index_t first_with_fan = 0;       ///< of the nodes whose fans are here: those that find_fans was asked for
 
+  // Of a node with a fan.
   std::span<const FanEntry<dim>> fan(index_t n) const
   {
-    const index_t begin = fan_begin[static_cast<std::size_t>(first_with_fan)];
-    return {fans.data() + (fan_begin[static_cast<std::size_t>(n)] - begin),
-            fans.data() + (fan_begin[static_cast<std::size_t>(n) + 1] - begin)};
+    const auto k = static_cast<std::size_t>(n - first_with_fan);
+    return {fans.data() + fan_begin[k], fans.data() + fan_begin[k + 1]};
   }
-  /// Of any node.
-  index_t n_elements_at(index_t n) const
-  {
-    return fan_begin[static_cast<std::size_t>(n) + 1] - fan_begin[static_cast<std::size_t>(n)];
-  }
+  index_t n_elements_at(index_t n) const { return static_cast<index_t>(fan(n).size()); }
   bool isolated(index_t n) const { return n_elements_at(n) == 0; }
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }
 };
@@ -70,16 +66,17 @@ struct FluidMesh
 template <int dim>
 Simplex<dim> canonical(const Simplex<dim>& e);
 
-/// Elements in the one form and order that depend on the set only, of nodes numbered −1 … n_nodes − 1.
+/// Elements in the one form and order that depend on the set only.
 template <int dim>
-std::vector<Simplex<dim>> sorted_elements(index_t n_nodes, std::vector<Simplex<dim>> elements);
+std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements);
 
 /// [begin, end) of n rows that all ranks have: the part that this one looks at.
 std::array<std::size_t, 2> rows_of_rank(std::size_t n, const Ranks& ranks);
 
-/// The sorted elements of all ranks in one order. Collective.
+/// The sorted elements of all ranks in one order over the ranks: those of a rank come before those of the
+/// next, about as many on each. Collective.
 template <int dim>
-std::vector<Simplex<dim>> gather_sorted(std::vector<Simplex<dim>> sorted, const Ranks& ranks);
+std::vector<Simplex<dim>> sorted_over_ranks(std::vector<Simplex<dim>> sorted, const Ranks& ranks);
 
 /// The first of sorted elements whose lowest node is `n` or a later one.
 template <int dim>
@@ -87,8 +84,11 @@ index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n);
 
 /// Fans of the nodes [begin, end) of a mesh of sorted elements, and the boundary facets of which one of them
 /// is the first node (in space: the one of the lowest number). Those of consecutive ranges make up the whole.
+/// @param earlier, e_begin, e_end the elements that touch the nodes are among these and [e_begin, e_end), in
+/// their order
 template <int dim>
-void find_fans(FluidMesh<dim>& mesh, index_t n_nodes, index_t begin, index_t end);
+void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const index_t> earlier,
+               index_t e_begin, index_t e_end);
 
 /// Sort the elements, find the boundary and the fans.
 template <int dim>

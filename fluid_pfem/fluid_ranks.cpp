@@ -7,9 +7,103 @@
 namespace undine::fluid
 {
 
+namespace
+{
+
+/// The rank that has item k, where that of rank r begins at first[r].
+int owner(std::span<const index_t> first, index_t k)
+{
+  return static_cast<int>(std::upper_bound(first.begin() + 1, first.end(), k) - first.begin()) - 1;
+}
+
+} // namespace
+
+/// Elements are numbered in their order over all ranks and cut into shares. A rank puts those of its share
+/// and those that touch its nodes in their places among all; what is in other places is nobody's. Collective.
+/// @param sorted of this rank: those of all ranks make up the mesh
+template <int dim>
+void Fluid<dim>::share_elements(std::vector<Simplex<dim>> sorted)
+{
+  if (ranks().alone())
+  {
+    mesh_.elements = std::move(sorted);
+    e_wet_ = first_element_from<dim>(mesh_.elements, n_wet_);
+    e_layer_ = first_element_from<dim>(mesh_.elements, n_layer_);
+    team_.share_out(nodes_.size(), mesh_, e_layer_);
+    return;
+  }
+  sorted = sorted_over_ranks<dim>(std::move(sorted), ranks());
+  const auto count = static_cast<index_t>(sorted.size()), me = static_cast<index_t>(ranks().rank());
+  const std::vector<index_t> counts = ranks().gather(std::vector{count});
+  const index_t begin = std::accumulate(counts.begin(), counts.begin() + me, 0),
+                total = std::accumulate(counts.begin(), counts.end(), 0);
+  std::vector<std::int64_t> sums{first_element_from<dim>(sorted, n_wet_),
+                                 first_element_from<dim>(sorted, n_layer_)};
+  ranks().sum(sums);
+  e_wet_ = static_cast<index_t>(sums[0]);
+  e_layer_ = static_cast<index_t>(sums[1]);
+  const std::vector<index_t> first_element = team_.cut_elements(total, e_layer_);
+  sums.assign(first_element.size(), 0);
+  for (std::size_t k = 0; k < sums.size(); ++k)
+    if (const index_t e = first_element[k] - begin; e >= 0 && e < count)
+      sums[k] = sorted[static_cast<std::size_t>(e)][0];
+  ranks().sum(sums);
+  std::vector<index_t> first_node(sums.begin(), sums.end());
+  for (std::size_t k = 0; k < sums.size(); ++k)
+    if (first_element[k] == total)
+      first_node[k] = nodes_.size();
+  first_node.front() = 0;
+  team_.share_out(first_element, first_node);
+
+  struct Numbered
+  {
+    index_t number;
+    Simplex<dim> nodes;
+  };
+  std::vector<std::vector<Numbered>> to(counts.size());
+  std::vector<index_t> earlier;
+  mesh_.elements.resize(static_cast<std::size_t>(total));
+  const auto put = [&](const Numbered& e)
+  {
+    mesh_.elements[static_cast<std::size_t>(e.number)] = e.nodes;
+    if (e.number < team_.element_begin())
+      earlier.push_back(e.number);
+  };
+  for (index_t k = 0; k < count; ++k)
+  {
+    const Numbered e{begin + k, sorted[static_cast<std::size_t>(k)]};
+    if (e.number >= team_.element_begin() && e.number < team_.element_end() &&
+        std::all_of(e.nodes.begin(), e.nodes.end(), [this](index_t n) { return team_.owns(n); }))
+    {
+      put(e);
+      continue;
+    }
+    std::array<int, dim + 2> of; // its rank and those of its nodes
+    of[0] = owner(team_.elements_of_ranks(), e.number);
+    for (std::size_t a = 0; a <= dim; ++a)
+      of[a + 1] = owner(team_.nodes_of_ranks(), e.nodes[a]);
+    std::sort(of.begin(), of.end());
+    const auto end = std::unique(of.begin(), of.end());
+    std::for_each(of.begin(), end,
+                  [&](int r) { r == me ? put(e) : to[static_cast<std::size_t>(r)].push_back(e); });
+  }
+  for (const auto& part : ranks().exchange(to))
+    std::for_each(part.begin(), part.end(), put);
+  std::sort(earlier.begin(), earlier.end());
+  team_.find_shared(mesh_, std::move(earlier));
+}
+
+template <int dim>
+std::span<const Simplex<dim>> Fluid<dim>::own_elements() const
+{
+  return std::span(mesh_.elements)
+      .subspan(static_cast<std::size_t>(team_.element_begin()),
+               static_cast<std::size_t>(team_.element_end() - team_.element_begin()));
+}
+
 /// Ghosts are the nodes of other ranks in what this rank computes: elements that it owns, or that touch its
-/// nodes, and gaps that it watches. All ranks know the whole mesh, so each makes its lists alone, from the
-/// elements that it owns or that touch its nodes: these come before its own.
+/// nodes, and gaps that it watches. Each rank makes its lists alone, from the elements that it owns or that
+/// touch its nodes: these come before its own.
 template <int dim>
 void Fluid<dim>::find_ghosts()
 {
@@ -17,8 +111,6 @@ void Fluid<dim>::find_ghosts()
     return;
   const int me = ranks().rank();
   const auto size = static_cast<std::size_t>(ranks().size());
-  const auto owner = [](std::span<const index_t> first, index_t k)
-  { return static_cast<int>(std::upper_bound(first.begin() + 1, first.end(), k) - first.begin()) - 1; };
   std::vector<std::vector<index_t>> send(size), receive(size);
   const auto need = [&](int rank, index_t n)
   {
@@ -28,9 +120,7 @@ void Fluid<dim>::find_ghosts()
     if (of == me && rank != me)
       send[static_cast<std::size_t>(rank)].push_back(n);
   };
-  std::vector<index_t> near;
-  for (const Share& share : team_.shares())
-    near.insert(near.end(), share.before.begin(), share.before.end());
+  std::vector<index_t> near = team_.earlier();
   for (index_t e = team_.element_begin(); e < team_.element_end(); ++e)
     near.push_back(e);
   for (const index_t e : near)
@@ -81,44 +171,64 @@ bool Fluid<dim>::any_rank(bool yes)
   return values[0] > 0.0;
 }
 
+/// The rows of all nodes that a remesh goes on with. Collective.
 template <int dim>
-void Fluid<dim>::collect()
+void Fluid<dim>::gather_state()
 {
   if (collected_)
     return;
   const auto first = team_.nodes_of_ranks();
   const auto rows = [&](auto&... fields) { (ranks().gather_rows(fields, first), ...); };
   rows(nodes_.x, nodes_.v, nodes_.a, nodes_.m, nodes_.M, nodes_.inertia, nodes_.rho, nodes_.p, nodes_.V,
-       mass_rate_, exchange_energy_);
+       nodes_.flag, nodes_.alone);
+  any_rank(false);
+  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+}
+
+template <int dim>
+void Fluid<dim>::collect()
+{
+  if (collected_)
+    return;
+  gather_state();
+  const auto first = team_.nodes_of_ranks();
+  ranks().gather_rows(mesh_.elements, team_.elements_of_ranks());
   if (!config_.body_force.empty())
   {
     sums_.body.resize(nodes_.x.size());
-    rows(sums_.body);
+    ranks().gather_rows(sums_.body, first);
   }
   ranks().gather_rows(sums_.heat, blocks_of_ranks());
+  exchange_of_all_ = {};
+  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
+    exchange_of_all_.add(exchange_energy_[static_cast<std::size_t>(n)]);
+  ranks().sum({&exchange_of_all_});
   std::vector<ExactSum*> sums = contact_.sums();
   ranks().sum(sums);
   for (ExactSum* sum : sums)
     ranks().rank() == 0 ? sum->normalise() : static_cast<void>(*sum = {});
-  any_rank(false);
-  turned_over_ = static_cast<int>(ranks().max(turned_over_));
   collected_ = true;
 }
 
-/// What became heat, and what moved mass brought, since the last remesh is booked: of all rows, which are
-/// right. Collective.
+/// What became heat, and what moved mass brought, since the last remesh is booked. Collective.
 template <int dim>
 void Fluid<dim>::cool()
 {
+  if (exchange_energy_.empty()) // no step yet
+    return;
+  ranks().gather_rows(sums_.heat, blocks_of_ranks());
   dissipated_ = std::accumulate(sums_.heat.begin(), sums_.heat.end(), dissipated_);
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0);
   ExactSum exchanged;
-  const auto [begin, end] = rows_of_rank(exchange_energy_.size(), ranks());
-  for (std::size_t k = begin; k < end; ++k)
-    exchanged.add(exchange_energy_[k]);
+  for (auto n = static_cast<std::size_t>(team_.node_begin()); n < static_cast<std::size_t>(team_.node_end());
+       ++n)
+  {
+    exchanged.add(exchange_energy_[n]);
+    exchange_energy_[n] = 0.0;
+  }
   ranks().sum({&exchanged});
   exchanged_ += exchanged.value();
-  exchange_energy_.assign(nodes_.x.size(), 0.0);
+  exchange_of_all_ = {};
 }
 
 template <int dim>

@@ -24,8 +24,7 @@ struct Share
 {
   index_t node_begin = 0, node_end = 0;       ///< its nodes
   index_t element_begin = 0, element_end = 0; ///< its elements: whole blocks
-  std::vector<index_t> before; ///< elements of shares before it, in order, by whole groups of eight that
-                               ///< touch its nodes: the order in which a node is summed depends on the groups
+  std::vector<index_t> before;                ///< elements of shares before it that touch its nodes, in order
 
   std::vector<char> mixed; ///< per block of its elements: has a corner that is another's; empty: none has
 
@@ -61,63 +60,75 @@ public:
   const std::vector<Share>& shares() const { return shares_; }
   std::size_t number(const Share& share) const { return static_cast<std::size_t>(&share - shares_.data()); }
 
-  /// Cut nodes and elements into as many shares as there are threads on all ranks, at ends of blocks.
+  /// Elements of other ranks that touch nodes of this one, in order: all come before its own.
+  const std::vector<index_t>& earlier() const { return earlier_; }
+
+  /// First of n elements for every share, as many as there are threads on all ranks, and n: cut at ends of
+  /// blocks.
   /// @param e_interface elements before this one are the interface's: rank 0 has them all
-  template <int dim>
-  void share_out(index_t n_nodes, const FluidMesh<dim>& mesh, index_t e_interface)
+  std::vector<index_t> cut_elements(index_t n, index_t e_interface) const
   {
     const auto blocks_of = [](index_t elements) { return (elements + element_block - 1) / element_block; };
-    const index_t n = mesh.n_elements(), blocks = blocks_of(n), parts = ranks_.size() * threads_;
+    const index_t blocks = blocks_of(n), parts = ranks_.size() * threads_;
     const auto part = [](index_t whole, index_t k, index_t of)
     { return static_cast<index_t>(std::int64_t{whole} * k / of); };
     const index_t of_first_rank = std::max(blocks_of(e_interface), part(blocks, threads_, parts));
-    const auto cut = [&](index_t k)
+    std::vector<index_t> first;
+    for (index_t k = 0; k <= parts; ++k)
     {
       const index_t block =
           k >= parts     ? blocks
           : k < threads_ ? part(of_first_rank, k, threads_)
                          : of_first_rank + part(blocks - of_first_rank, k - threads_, parts - threads_);
-      return std::min(n, block * element_block);
-    };
-    const auto first_node = [&](index_t k)
-    {
-      return k == 0                      ? 0
-             : k == parts || cut(k) == n ? n_nodes
-                                         : mesh.elements[static_cast<std::size_t>(cut(k))][0];
-    };
+      first.push_back(std::min(n, block * element_block));
+    }
+    return first;
+  }
+
+  /// Take up shares that begin with these elements and nodes.
+  /// @param element of cut_elements
+  /// @param node the lowest one of each of these elements, but 0 for the first, and for all that begin at the
+  /// end the number of nodes
+  void share_out(std::span<const index_t> element, std::span<const index_t> node)
+  {
     nodes_of_ranks_.clear();
     elements_of_ranks_.clear();
-    for (index_t k = 0; k <= parts; k += threads_)
+    for (std::size_t k = 0; k < element.size(); k += static_cast<std::size_t>(threads_))
     {
-      nodes_of_ranks_.push_back(first_node(k));
-      elements_of_ranks_.push_back(cut(k));
+      nodes_of_ranks_.push_back(node[k]);
+      elements_of_ranks_.push_back(element[k]);
     }
-    shares_.resize(static_cast<std::size_t>(threads_));
-    for (index_t t = 0; t < threads_; ++t)
+    shares_.assign(static_cast<std::size_t>(threads_), {});
+    for (std::size_t t = 0; t < shares_.size(); ++t)
     {
-      Share& s = shares_[static_cast<std::size_t>(t)];
-      const index_t k = ranks_.rank() * threads_ + t;
-      s.element_begin = cut(k);
-      s.element_end = cut(k + 1);
-      s.node_begin = first_node(k);
-      s.node_end = first_node(k + 1);
-      s.before.clear();
-      s.mixed.clear();
-      const auto touches = [&](index_t e)
+      const std::size_t k = static_cast<std::size_t>(ranks_.rank()) * shares_.size() + t;
+      shares_[t] = {.node_begin = node[k],
+                    .node_end = node[k + 1],
+                    .element_begin = element[k],
+                    .element_end = element[k + 1]};
+    }
+  }
+
+  /// Then, with the elements of this rank and those that touch its nodes in their places: which elements
+  /// belong to several shares.
+  /// @param earlier elements of other ranks that touch nodes of this one, in order
+  template <int dim>
+  void find_shared(const FluidMesh<dim>& mesh, std::vector<index_t> earlier)
+  {
+    earlier_ = std::move(earlier);
+    for (Share& s : shares_)
+    {
+      const auto note = [&](index_t e)
       {
         const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
-        return std::any_of(nodes.begin(), nodes.end(), [&s](index_t k) { return s.owns(k); });
-      };
-      for (index_t group = 0; group < s.element_begin; group += Lanes::size)
-      {
-        const index_t end = std::min(group + Lanes::size, s.element_begin); // all, where a rank has none
-        bool near = false;
-        for (index_t e = group; e < end && !near; ++e)
-          near = touches(e);
-        for (index_t e = group; e < end && near; ++e)
+        if (std::any_of(nodes.begin(), nodes.end(), [&s](index_t k) { return s.owns(k); }))
           s.before.push_back(e);
-      }
-      for (index_t block = s.element_begin; block < s.element_end && parts > 1; block += element_block)
+      };
+      std::for_each(earlier_.begin(), earlier_.end(), note);
+      for (index_t e = element_begin(); e < s.element_begin; ++e)
+        note(e);
+      const bool one = ranks_.alone() && threads_ == 1;
+      for (index_t block = s.element_begin; block < s.element_end && !one; block += element_block)
       {
         bool mixed = false;
         for (index_t e = block; e < std::min(block + element_block, s.element_end) && !mixed; ++e)
@@ -126,6 +137,19 @@ public:
         s.mixed.push_back(mixed);
       }
     }
+  }
+
+  /// The same for a rank that has the whole mesh.
+  template <int dim>
+  void share_out(index_t n_nodes, const FluidMesh<dim>& mesh, index_t e_interface)
+  {
+    const std::vector<index_t> element = cut_elements(mesh.n_elements(), e_interface);
+    std::vector<index_t> node;
+    for (const index_t e : element)
+      node.push_back(e == mesh.n_elements() ? n_nodes : mesh.elements[static_cast<std::size_t>(e)][0]);
+    node.front() = 0;
+    share_out(element, node);
+    find_shared(mesh, {});
   }
 
   /// act(share) for all shares at once; they have ended on return. No exception may leave `act`.
@@ -143,7 +167,7 @@ private:
   Ranks ranks_;
   int threads_ = 1;
   std::vector<Share> shares_;
-  std::vector<index_t> nodes_of_ranks_, elements_of_ranks_;
+  std::vector<index_t> nodes_of_ranks_, elements_of_ranks_, earlier_;
 };
 
 /// The elements of a share from `e_begin` on, block by block, and its nodes from `n_begin` on as soon as they
@@ -154,23 +178,11 @@ template <int dim, class Add, class Take>
 void sweep(const FluidMesh<dim>& mesh, const Share& share, bool done, index_t e_begin, index_t n_begin,
            Add&& add, Take&& take)
 {
-  const auto count = static_cast<index_t>(share.before.size());
-  const auto element = [&](index_t k) { return share.before[static_cast<std::size_t>(k)]; };
-  const auto together = [&](index_t k, index_t l) // groups of eight end at e_begin
-  {
-    return element(k) / Lanes::size == element(l) / Lanes::size &&
-           (element(k) < e_begin) == (element(l) < e_begin);
-  };
   const auto first =
       done ? std::lower_bound(share.before.begin(), share.before.end(), e_begin) : share.before.begin();
-  for (auto k = static_cast<index_t>(first - share.before.begin()); k < count;)
-  {
-    index_t next = k + 1;
-    while (next < count && together(next, k))
-      ++next;
-    add(share.before.data(), k, next);
-    k = next;
-  }
+  if (first != share.before.end())
+    add(share.before.data(), static_cast<index_t>(first - share.before.begin()),
+        static_cast<index_t>(share.before.size()));
   index_t taken = std::max(share.node_begin, n_begin);
   for (index_t e = std::max(share.element_begin, e_begin); e < share.element_end;)
   {

@@ -113,7 +113,8 @@ template <int dim>
 ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
                               const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
-                              std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules)
+                              std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules,
+                              const Ranks& ranks)
 {
   // Simplices of inner nodes stay fluid unless they are huge; for those with a corner on the boundary it
   // matters whether they were. Most simplices of the convex hull are far larger than anything that can be
@@ -159,7 +160,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     doubtful.push_back({s, corner, R, h, boundary});
     centroids.push_back(nodes.period.wrapped(centroid));
   }
-  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period);
+  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period, ranks);
 
   ShapeChoice<dim> choice;
   for (std::size_t d = 0; d < doubtful.size(); ++d)
@@ -199,9 +200,9 @@ template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::sp
                                                 const std::vector<Simplex<3>>&, const Period<3>&);
 template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
                                         const std::vector<Simplex<2>>&, std::span<const Vec<2>>,
-                                        std::span<const Simplex<2>>, double, const ShapeRules&);
+                                        std::span<const Simplex<2>>, double, const ShapeRules&, const Ranks&);
 template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&,
                                         const std::vector<Simplex<3>>&, std::span<const Vec<3>>,
-                                        std::span<const Simplex<3>>, double, const ShapeRules&);
+                                        std::span<const Simplex<3>>, double, const ShapeRules&, const Ranks&);
 
 } // namespace undine::fluid

@@ -78,6 +78,7 @@ Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& element
 
 /// Elements that the old or the new mesh has alone, or that have been deformed by the remesh. Each rank looks
 /// at those of which it has the lowest node. Collective.
+/// @param old of this rank before the remesh, in the old numbers
 /// @param number present number of each old node, −1: deleted
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>> old,
@@ -91,30 +92,39 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   bool same_numbers = openings_.empty(); // elements of an inlet are in no order
   for (std::size_t n = 0; n < number.size(); ++n)
     same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
-  const index_t begin = ranks().rank() == 0 ? -1 : team_.node_begin(), end = team_.node_end();
   if (!same_numbers)
-  {
-    std::size_t kept = 0;
-    for (Simplex<dim> e : old)
-    {
+    for (auto& e : old)
       for (index_t& n : e)
         n = number[static_cast<std::size_t>(n)];
-      if (const index_t lowest = *std::min_element(e.begin(), e.end()); lowest >= begin && lowest < end)
-        old[kept++] = e;
-    }
-    old.resize(kept);
-    old = sorted_elements<dim>(nodes_.size(), std::move(old));
-  }
-  else
+  std::span<const Simplex<dim>> now = mesh_.elements;
+  std::vector<Simplex<dim>> own;
+  if (!ranks().alone())
   {
-    old.erase(old.begin() + first_element_from<dim>(old, end), old.end());
-    old.erase(old.begin(), old.begin() + first_element_from<dim>(old, begin));
+    std::vector<std::vector<Simplex<dim>>> to(static_cast<std::size_t>(ranks().size()));
+    const auto first = team_.nodes_of_ranks();
+    auto r = to.begin();
+    for (const auto& e : old)
+    {
+      const index_t lowest = std::max(0, *std::min_element(e.begin(), e.end())); // what is gone is rank 0's
+      const auto k = r - to.begin(); // mostly that of the one before
+      if (lowest < first[static_cast<std::size_t>(k)] || lowest >= first[static_cast<std::size_t>(k) + 1])
+        r = to.begin() + (std::upper_bound(first.begin() + 1, first.end(), lowest) - first.begin() - 1);
+      r->push_back(e);
+    }
+    old.clear();
+    for (const auto& part : ranks().exchange(to))
+      old.insert(old.end(), part.begin(), part.end());
+    for (const index_t e : team_.earlier())
+      if (mesh_.elements[static_cast<std::size_t>(e)][0] >= team_.node_begin())
+        own.push_back(mesh_.elements[static_cast<std::size_t>(e)]);
+    for (const auto& e : own_elements())
+      if (e[0] < team_.node_end())
+        own.push_back(e);
+    now = own;
   }
+  if (!same_numbers)
+    old = sorted_elements<dim>(std::move(old));
   std::vector<Simplex<dim>> changed;
-  const auto now = std::span<const Simplex<dim>>(mesh_.elements)
-                       .subspan(static_cast<std::size_t>(first_element_from<dim>(mesh_.elements, begin)),
-                                static_cast<std::size_t>(first_element_from<dim>(mesh_.elements, end) -
-                                                         first_element_from<dim>(mesh_.elements, begin)));
   for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
     if (k == now.size() || (o < old.size() && old[o] < now[k]))
       changed.push_back(old[o++]);
@@ -147,6 +157,7 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const Patches patches = patches_of<dim>(n_nodes, changed);
+  gather_volumes(patches);
   struct Volumes
   {
     double gain = 0.0, loss = 0.0; ///< [m^dim]
@@ -194,6 +205,31 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
   smooth_mass_defect(v_half);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+}
+
+/// Volumes, densities and flags of the nodes of patches come from the ranks that have them. Collective.
+template <int dim>
+void Fluid<dim>::gather_volumes(const Patches& patches)
+{
+  if (ranks().alone())
+    return;
+  struct Row
+  {
+    double V, rho;
+    std::uint8_t flag;
+  };
+  std::vector<Row> rows;
+  for (const index_t n : patches.nodes)
+    if (const auto i = static_cast<std::size_t>(n); team_.owns(n))
+      rows.push_back({nodes_.V[i], nodes_.rho[i], nodes_.flag[i]});
+  rows = ranks().gather(rows);
+  for (std::size_t k = 0; k < rows.size(); ++k)
+  {
+    const auto i = static_cast<std::size_t>(patches.nodes[k]);
+    nodes_.V[i] = rows[k].V;
+    nodes_.rho[i] = rows[k].rho;
+    nodes_.flag[i] = rows[k].flag;
+  }
 }
 
 /// A place relative to the first node of a patch: sums lose no digits, and in a periodic space the near image
@@ -342,15 +378,10 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
              own = static_cast<std::size_t>(team_.node_end()) - own_begin;
   std::vector<double> share_of_edge(nodes_.x.size()), dM(own); // per edge of an element
   std::vector<Received<dim>> received(own);
-  const auto share_edges = [&](index_t n)
-  {
+  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
     if (!mesh_.isolated(n))
       share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
-  };
-  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
-    share_edges(n);
-  for (const auto& ghosts : halo_.received())
-    std::for_each(ghosts.begin(), ghosts.end(), share_edges);
+  halo_.update(share_of_edge);
   const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
   const auto add = [&](const Simplex<dim>& e, const Share& share)
   {

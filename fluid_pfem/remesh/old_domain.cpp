@@ -146,8 +146,80 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
   return found;
 }
 
+template <int dim>
+std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period,
+                         const Ranks& ranks)
+{
+  if (ranks.alone())
+    return inside<dim>(x, elements, queries, bin, period);
+  struct Box
+  {
+    bool any = false;
+    Vec<dim> lower, upper;
+    bool holds(const Vec<dim>& p) const
+    {
+      bool within = any;
+      for (int i = 0; i < dim; ++i)
+        within = within && p[i] >= lower[i] && p[i] <= upper[i];
+      return within;
+    }
+  };
+  Box own;
+  for (const auto& e : elements)
+    for (const index_t n : e)
+    {
+      const Vec<dim>& p = x[static_cast<std::size_t>(n)];
+      for (int i = 0; i < dim; ++i)
+      {
+        own.lower[i] = own.any ? std::min(own.lower[i], p[i]) : p[i];
+        own.upper[i] = own.any ? std::max(own.upper[i], p[i]) : p[i];
+      }
+      own.any = true;
+    }
+  for (int i = 0; i < dim; ++i) // more than what counts as round-off
+  {
+    const double margin = 1e-3 * bin + 1e-5 * (own.upper[i] - own.lower[i]);
+    own.lower[i] -= margin;
+    own.upper[i] += margin;
+  }
+  const std::vector<Box> boxes = ranks.gather(std::vector{own});
+  std::vector<std::vector<Vec<dim>>> asked(boxes.size());
+  std::vector<std::vector<std::size_t>> number(boxes.size());
+  for (std::size_t r = 0; r < boxes.size(); ++r)
+    for (std::size_t q = 0; q < queries.size(); ++q)
+      if (period.any() || boxes[r].holds(queries[q]))
+      {
+        asked[r].push_back(queries[q]);
+        number[r].push_back(q);
+      }
+  asked = ranks.exchange(asked);
+  std::vector<Vec<dim>> all;
+  for (const auto& points : asked)
+    all.insert(all.end(), points.begin(), points.end());
+  const std::vector<char> answer = inside<dim>(x, elements, all, bin, period);
+  std::vector<std::vector<char>> answers(boxes.size());
+  auto from = answer.begin();
+  for (std::size_t r = 0; r < boxes.size(); ++r)
+  {
+    const auto end = from + static_cast<std::ptrdiff_t>(asked[r].size());
+    answers[r].assign(from, end);
+    from = end;
+  }
+  answers = ranks.exchange(answers);
+  std::vector<char> found(queries.size(), 0);
+  for (std::size_t r = 0; r < boxes.size(); ++r)
+    for (std::size_t k = 0; k < number[r].size(); ++k)
+      found[number[r][k]] = static_cast<char>(found[number[r][k]] | answers[r][k]);
+  return found;
+}
+
 template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
                                      std::span<const Vec<2>>, double, const Period<2>&);
+template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
+                                     std::span<const Vec<2>>, double, const Period<2>&, const Ranks&);
+template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
+                                     std::span<const Vec<3>>, double, const Period<3>&, const Ranks&);
 template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
                                      std::span<const Vec<3>>, double, const Period<3>&);
 

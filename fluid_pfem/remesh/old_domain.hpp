@@ -18,4 +18,11 @@ template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
                          std::span<const Vec<dim>> queries, double bin, const Period<dim>& period = {});
 
+/// The same for the elements of all ranks: each asks those whose elements may contain its points. Collective.
+/// @param elements of this rank, at `x`
+template <int dim>
+std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period,
+                         const Ranks& ranks);
+
 } // namespace undine::fluid

@@ -160,10 +160,11 @@ void Fluid<dim>::remesh()
     check_state(update_state(team_.node_begin(), team_.node_end()));
     collected_ = ranks().alone();
   }
-  collect();
+  gather_state();
+  cool();
   if (!bad) // the same elements, but other nodes are near the solid
   {
-    auto elements = part_of_all(std::move(mesh_.elements));
+    std::vector<Simplex<dim>> elements(own_elements().begin(), own_elements().end());
     renumber(gaps_, order_nodes(elements));
     finish_mesh(std::move(elements));
     collected_ = ranks().alone();
@@ -173,7 +174,6 @@ void Fluid<dim>::remesh()
   for (auto& x : nodes_.x)
     x = nodes_.period.wrapped(x);
   pass_openings();
-  x_remesh_ = std::vector<Vec<dim>>();
   std::vector<Vec<dim>> v_half = half_step_velocity();
   const double before = energy_with(v_half);
   if (!openings_.empty())
@@ -196,11 +196,7 @@ void Fluid<dim>::remesh()
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
       config_.remesh.spacing, next_id_,
       [&](const Vec<dim>& x, double h) { return solid_.depth(x, h) > brought_out * h; },
-      ranks().alone() ? std::span<const Simplex<dim>>()
-                      : std::span<const Simplex<dim>>(mesh_.elements)
-                            .subspan(static_cast<std::size_t>(team_.element_begin()),
-                                     static_cast<std::size_t>(team_.element_end() - team_.element_begin())),
-      ranks());
+      ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements) : own_elements(), ranks());
   for (const auto& [kept, gone] : spacing.merges)
     delaunay_.merge(kept, gone);
   for (const auto& [i, j, added] : spacing.splits)
@@ -211,8 +207,10 @@ void Fluid<dim>::remesh()
   if (!solid_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], brought_out * nodes_.h[n]);
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, pieces, triangulation(part_of_rank(spacing)), old_x,
-                                              mesh_.elements, config_.element_size, config_.remesh.shape);
+  ShapeChoice<dim> choice =
+      choose_fluid<dim>(nodes_, pieces, triangulation(part_of_rank(spacing)), old_x,
+                        ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements) : own_elements(),
+                        config_.element_size, config_.remesh.shape, ranks());
   drop_fragments(choice);
   ranks().sum({&choice.created, &choice.dropped});
   pieces = std::vector<std::array<int, 3>>();
@@ -233,11 +231,15 @@ void Fluid<dim>::remesh()
   gaps_ = ranks().gather(choice.gaps);
   renumber(gaps_, deleted);
   renumber(gaps_, ordered);
-  gaps_ = sorted_elements<dim>(nodes_.size(), std::move(gaps_));
+  gaps_ = sorted_elements<dim>(std::move(gaps_));
   const std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   v_half = half_step_velocity();
-  std::vector<Simplex<dim>> old_elements = std::move(mesh_.elements);
+  std::vector<Simplex<dim>> old_elements;
+  if (ranks().alone())
+    old_elements = std::move(mesh_.elements);
+  else
+    old_elements.assign(own_elements().begin(), own_elements().end());
   finish_mesh(std::move(choice.elements));
   hand_over_mass(changed_elements(std::move(old_elements), old_x, number), old, number, V_before, v_half);
 
@@ -301,6 +303,7 @@ template <int dim>
 void Fluid<dim>::triangulate()
 {
   collect(); // where a solid is met there was a mesh before
+  cool();
   std::vector<Simplex<dim>> delaunay = triangulation({});
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
@@ -315,16 +318,19 @@ void Fluid<dim>::triangulate()
   elements = part_of_all(std::move(elements));
   renumber(delaunay, order_nodes(elements));
   finish_mesh(std::move(elements));
+  collected_ = ranks().alone();
+  collect();
   nodes_.M = nodes_.m;
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
   ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), delaunay, nodes_.x, mesh_.elements,
                                               config_.element_size, config_.remesh.shape);
   gaps_ = std::move(choice.gaps);
   delaunay = std::vector<Simplex<dim>>(); // {} would keep its memory
-  const auto chosen = sorted_elements<dim>(nodes_.size(), std::move(choice.elements));
+  const auto chosen = sorted_elements<dim>(std::move(choice.elements));
   std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
                       std::back_inserter(gaps_));
-  find_ghosts();
+  find_ghosts(); // now with the gaps
+  x_remesh_ = nodes_.x;
   collected_ = ranks().alone();
 }
 
@@ -364,29 +370,27 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
 template <int dim>
 void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
 {
-  mesh_.elements = gather_sorted<dim>(sorted_elements<dim>(nodes_.size(), std::move(elements)), ranks());
-  e_wet_ = first_element_from<dim>(mesh_.elements, n_wet_);
-  e_layer_ = first_element_from<dim>(mesh_.elements, n_layer_);
-  team_.share_out(nodes_.size(), mesh_, e_layer_);
-  find_fans<dim>(mesh_, nodes_.size(), team_.node_begin(), team_.node_end());
+  share_elements(sorted_elements<dim>(std::move(elements)));
+  find_fans<dim>(mesh_, team_.node_begin(), team_.node_end(), team_.earlier(), team_.element_begin(),
+                 team_.element_end());
   if (!ranks().alone())
     mesh_.boundary = ranks().gather(mesh_.boundary);
 }
 
-/// All that follows from positions, densities and connectivity: flags, densities, volumes and velocities of
-/// all nodes, the rest of those of each rank. Collective.
+/// All that follows from positions, densities and connectivity, for the nodes of each rank. Collective.
 template <int dim>
 void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
 {
   connect_mesh(std::move(elements));
   find_ghosts();
-  const std::vector<std::uint8_t> was = nodes_.flag;
-  flag_nodes();
   const index_t n_nodes = nodes_.size(), begin = team_.node_begin(), end = team_.node_end();
+  const std::vector<std::uint8_t> was(nodes_.flag.begin() + begin, nodes_.flag.begin() + end);
+  flag_nodes();
   // A node that opened at the free surface had no pull; when the fluid closes around it, it begins with none.
   if (!config_.surface_tension_allowed)
-    for (std::size_t i = 0; i < was.size(); ++i)
-      if ((was[i] & on_free_surface) && !(nodes_.flag[i] & on_free_surface))
+    for (std::size_t k = 0; k < was.size(); ++k)
+      if (const std::size_t i = static_cast<std::size_t>(begin) + k;
+          (was[k] & on_free_surface) && !(nodes_.flag[i] & on_free_surface))
         nodes_.rho[i] = std::max(nodes_.rho[i], config_.tait.rho0);
   constrained_.clear();
   for (index_t n = 0; n < n_nodes; ++n)
@@ -409,15 +413,13 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   std::fill(nodes_.V.begin() + begin, nodes_.V.begin() + end, 0.0);
   each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
                { add_element_volumes<dim>(mesh_, list, first, last, share, nodes_); });
-  ranks().gather_rows(nodes_.V, team_.nodes_of_ranks());
 
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
-  for (index_t n = 0; n < n_nodes; ++n)
-    if (mesh_.isolated(n))
-      nodes_.rho[static_cast<std::size_t>(n)] = config_.tait.rho0;
   for (index_t n = begin; n < end; ++n)
   {
     const auto i = static_cast<std::size_t>(n);
+    if (mesh_.isolated(n))
+      nodes_.rho[i] = config_.tait.rho0;
     if (mesh_.isolated(n))
       nodes_.m[i] = nodes_.M[i] > 0.0 ? nodes_.M[i] : least_inertia(i);
     else // the inverse of update_density_and_pressure, completed nodes included
@@ -429,8 +431,9 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
     nodes_.inertia[i] = mesh_.isolated(n) ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
   }
   limit_tension(begin, end);
-  mass_rate_.assign(static_cast<std::size_t>(n_nodes), 0.0);
-  cool();
+  mass_rate_.resize(static_cast<std::size_t>(n_nodes));
+  std::fill(mass_rate_.begin() + begin, mass_rate_.begin() + end, 0.0);
+  exchange_energy_.resize(static_cast<std::size_t>(n_nodes)); // all booked: zeros
   sums_.reset(n_nodes, begin, end);
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
@@ -472,7 +475,11 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   travelled_ = 0.0;
   good_for_ = 0;
   turned_over_ = 0;
-  x_remesh_ = nodes_.x;
+  x_remesh_.resize(static_cast<std::size_t>(n_nodes));
+  std::copy(nodes_.x.begin() + begin, nodes_.x.begin() + end, x_remesh_.begin() + begin);
+  for (const auto& ghosts : halo_.received())
+    for (const index_t n : ghosts)
+      x_remesh_[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)];
   measure_quality();
   if (!contact_.empty())
     contact_.find_candidates(nodes_.x, begin, end, config_.element_size);
@@ -488,13 +495,13 @@ void Fluid<dim>::measure_quality()
     quality_[e] = static_cast<float>(quality<dim>(corners<dim>(x_remesh_, mesh_.elements[e], nodes_.period)));
 }
 
-/// Boundary, free surface, wall, isolated: from the boundary facets and the walls.
+/// Boundary, free surface, wall, isolated: from the boundary facets and the walls. Each rank flags its nodes.
+/// Collective.
 template <int dim>
 void Fluid<dim>::flag_nodes()
 {
   const auto pieces = wall_pieces();
-  const index_t n_nodes = nodes_.size();
-  for (index_t n = 0; n < n_nodes; ++n)
+  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
   {
     const auto i = static_cast<std::size_t>(n);
     const bool wall = pieces[i][0] >= 0 || (nodes_.surface[i] & wall_mask_);
@@ -505,6 +512,8 @@ void Fluid<dim>::flag_nodes()
   }
   for (const auto& facet : mesh_.boundary)
   {
+    if (std::none_of(facet.begin(), facet.end(), [this](index_t n) { return team_.owns(n); }))
+      continue;
     SurfaceMask surface = wall_mask_ | wet_mask_ | impedance_mask_ | openings_.driven_mask();
     std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
     for (const index_t n : facet)
@@ -521,6 +530,7 @@ void Fluid<dim>::flag_nodes()
       nodes_.flag[static_cast<std::size_t>(n)] |=
           static_cast<std::uint8_t>(bound ? on_boundary : on_boundary | on_free_surface);
   }
+  halo_.update(nodes_.flag);
 }
 
 /// One or two elements that hang together with no others are spray: as fluid they would be a spring between
