@@ -47,7 +47,7 @@ SparseMatrix inverse_mass_of(const link::SurfaceMesh& surface)
 template <int dim>
 InterfaceReport append_interface(const InterfaceConfig& config, double search_distance,
                                  const std::array<const link::SurfaceMesh*, 2>& surface, double least_cover,
-                                 ConstraintRows& rows)
+                                 ConstraintRows& rows, const link::Team* team)
 {
   std::array<InterfaceFaces<dim>, 2> faces;
   for (const Side s : both_sides)
@@ -65,7 +65,8 @@ InterfaceReport append_interface(const InterfaceConfig& config, double search_di
                                                               : Side::solid;
   const double coarser = std::max(faces[0].mean_face_size(), faces[1].mean_face_size());
   const double distance = search_distance > 0.0 ? search_distance : 0.5 * coarser;
-  const auto mortar = integrate_mortar<dim>(faces[multiplier_side], faces[other(multiplier_side)], distance);
+  const auto mortar =
+      integrate_mortar<dim>(faces[multiplier_side], faces[other(multiplier_side)], distance, team);
 
   InterfaceReport report;
   report.name = config.name;
@@ -96,8 +97,8 @@ InterfaceReport append_interface(const InterfaceConfig& config, double search_di
 } // namespace
 
 Interface::Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid,
-                     double least_cover)
-    : coupling_(coupling), least_cover_(least_cover)
+                     double least_cover, const link::Team* team)
+    : coupling_(coupling), least_cover_(least_cover), team_(team)
 {
   require(fluid.dim == solid.dim, "both participants have the same dimension");
   replace_surface(Side::fluid, std::move(fluid));
@@ -148,8 +149,8 @@ InterfaceOperator Interface::build()
   for (const InterfaceConfig& config : coupling_.interfaces)
     report_.push_back(
         surface[0]->dim == 2
-            ? append_interface<2>(config, coupling_.search_distance, surface, least_cover_, rows)
-            : append_interface<3>(config, coupling_.search_distance, surface, least_cover_, rows));
+            ? append_interface<2>(config, coupling_.search_distance, surface, least_cover_, rows, team_)
+            : append_interface<3>(config, coupling_.search_distance, surface, least_cover_, rows, team_));
   face_size_ = std::numeric_limits<double>::max();
   for (const InterfaceReport& r : report_)
     face_size_ = std::min({face_size_, r.face_size[Side::fluid], r.face_size[Side::solid]});

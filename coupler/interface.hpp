@@ -3,6 +3,7 @@
 
 #include "common/config/coupling_config.hpp"
 #include "common/coupling/messages.hpp"
+#include "common/coupling/team.hpp"
 #include "common/io/state_archive.hpp"
 #include "coupler/interface_operator.hpp"
 
@@ -36,10 +37,11 @@ class Interface
 {
 public:
   /// Integrate the mortar matrices of all interfaces and assemble the operator.
+  /// team: other ranks of the coupler that help, or nullptr.
   /// @throws InputError if a side has no faces, or if less than `least_cover` of the smaller side meets the
   /// other
   Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid,
-            double least_cover = 0.99);
+            double least_cover = 0.99, const link::Team* team = nullptr);
 
   /// The wet nodes of `side` were replaced (remesh).
   void replace_surface(Side side, link::SurfaceMesh surface);
@@ -64,6 +66,7 @@ public:
 private:
   CouplingConfig coupling_;
   double least_cover_;
+  const link::Team* team_;
   std::array<link::SurfaceMesh, 2> surface_;
   std::array<std::vector<double>, 2> x_message_, x_built_;
   double face_size_ = 0.0;

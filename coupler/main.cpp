@@ -3,9 +3,11 @@
 #include "common/io/log.hpp"
 #include "common/program/program.hpp"
 #include "coupler/coupler_output.hpp"
+#include "coupler/mortar.hpp"
 #include "coupler/run.hpp"
 
 #include <fmt/format.h>
+#include <mpi.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -73,12 +75,23 @@ ExitCode start(Launch& launch)
   std::vector<std::string> roles{"fluid"};
   roles.insert(roles.end(), launch.coupling.solids.begin(), launch.coupling.solids.end());
   const link::World world = launch.meet(roles);
+  // Rank 0 couples; the others help it. It waits for one of them half as long as a participant waits for the
+  // coupler, so that it can say who is silent. They themselves wait for it as long as the run goes on.
+  int rank = 0;
+  MPI_Comm_rank(world.comm(), &rank);
+  const link::Team team(world.comm(), rank == 0 ? 0.5 * launch.coupling.stall_timeout : 0.0);
+  if (rank > 0)
+  {
+    coupler::help_with_mortars(team);
+    return ExitCode::success;
+  }
   require_level(launch.coupling, world);
   const auto log = make_log(launch.output.dir, launch.role, false);
   std::vector<link::PartnerLink> partners; // the fluid first
   for (const std::string& role : roles)
   {
-    partners.emplace_back(world.channel(role), role);
+    partners.emplace_back(world.channel(role), role,
+                          [&world, role](int rank) { return world.path(role, rank); });
     log->info("case {}: {} is '{}'", launch.file.path(), role, world.solver_of(role));
   }
   std::vector<link::PartnerLink*> of_solids;
@@ -97,6 +110,7 @@ ExitCode start(Launch& launch)
     config.t_start = launch.restart->manifest.t;
     log->info("continues from {}, t = {:.9g} s", config.restart, config.t_start);
   }
+  config.team = &team;
   coupler::CouplerOutput output(launch.output, config, launch.probes);
   Checkpoints checkpoints = launch.checkpoints(*log);
   const Persistence persistence =

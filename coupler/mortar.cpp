@@ -1,6 +1,7 @@
 // Exact segmentation and the dual basis.
 #include "coupler/mortar.hpp"
 
+#include "common/coupling/wire.hpp"
 #include "common/error.hpp"
 
 #include <Eigen/Dense>
@@ -197,10 +198,10 @@ Box<dim> box_of(const InterfaceFaces<dim>& side, const std::vector<int>& face, d
   return box;
 }
 
-/// Pairs of faces whose boxes meet: sweep along the first axis.
+/// Pairs of faces of `a` from `begin` to `end` and faces of `b` whose boxes meet: sweep along the first axis.
 template <int dim>
 std::vector<std::vector<int>> candidate_pairs(const InterfaceFaces<dim>& a, const InterfaceFaces<dim>& b,
-                                              double margin)
+                                              double margin, std::size_t begin, std::size_t end)
 {
   std::vector<Box<dim>> box_b;
   for (const auto& face : b.faces)
@@ -212,34 +213,41 @@ std::vector<std::vector<int>> candidate_pairs(const InterfaceFaces<dim>& a, cons
   for (const auto& box : box_b)
     widest = std::max(widest, box.upper[0] - box.lower[0]);
 
-  std::vector<std::vector<int>> pairs(a.faces.size());
-  for (std::size_t f = 0; f < a.faces.size(); ++f)
+  std::vector<std::vector<int>> pairs(end - begin);
+  for (std::size_t f = begin; f < end; ++f)
   {
     const Box<dim> box = box_of(a, a.faces[f], margin);
+    auto& met = pairs[f - begin];
     auto it = std::lower_bound(order.begin(), order.end(), box.lower[0] - widest,
                                [&](int i, double value) { return box_b[i].lower[0] < value; });
     for (; it != order.end() && box_b[*it].lower[0] <= box.upper[0]; ++it)
       if (box.meets(box_b[*it]))
-        pairs[f].push_back(*it);
-    std::sort(pairs[f].begin(), pairs[f].end());
+        met.push_back(*it);
+    std::sort(met.begin(), met.end());
   }
   return pairs;
 }
 
-} // namespace
+/// What faces of the multiplier side give to D and C, one face after the other.
+struct FaceParts
+{
+  std::vector<std::int32_t> face;          ///< those that meet the other side
+  std::vector<double> measure;             ///< of the common part
+  std::vector<double> D;                   ///< ∫ N, one number per node of each face
+  std::vector<std::int32_t> n_nodes, node; ///< of the other side: how many for each face, which
+  std::vector<double> C;                   ///< for each of these nodes one number per node of the face
+  double largest_gap = 0.0;
+};
 
 template <int dim>
-Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
-                             double search_distance)
+FaceParts integrate_faces(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
+                          double search_distance, std::size_t begin, std::size_t end)
 {
   const auto normals = nodal_normals(multiplier);
-  const auto pairs = candidate_pairs(multiplier, other, search_distance);
-
-  std::map<int, double> D;
-  std::map<int, std::map<int, double>> C;
-  Mortar<dim> mortar;
-  double common_measure = 0.0;
-  for (std::size_t f = 0; f < multiplier.faces.size(); ++f)
+  const auto pairs = candidate_pairs(multiplier, other, search_distance, begin, end);
+  FaceParts parts;
+  std::map<int, std::array<double, 4>> C; // of one face
+  for (std::size_t f = begin; f < end; ++f)
   {
     const auto& m = multiplier.faces[f];
     const auto k = static_cast<Eigen::Index>(m.size());
@@ -248,7 +256,7 @@ Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const Interf
     Eigen::MatrixXd N_N = Eigen::MatrixXd::Zero(k, k); // ∫ N Nᵀ over the common part
     Eigen::VectorXd N_1 = Eigen::VectorXd::Zero(k);    // ∫ N
     double measure = 0.0;
-    for (const int o : pairs[f])
+    for (const int o : pairs[f - begin])
     {
       if (dot(n_m, other.normal(other.faces[o])) > -0.1)
         continue;
@@ -262,27 +270,197 @@ Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const Interf
         N_N += p.weight * N * N.transpose();
         N_1 += p.weight * N;
         measure += p.weight;
-        mortar.largest_gap = std::max(mortar.largest_gap, p.gap);
+        parts.largest_gap = std::max(parts.largest_gap, p.gap);
       }
       shared.emplace_back(o, std::move(points));
     }
     if (measure <= 1e-10 * multiplier.measure(m))
       continue;
-    common_measure += measure;
     // Ψ = A N with ∫ Ψ_a N_b = δ_ab ∫ N_a over the *common* part, so that partly covered faces keep the
     // duality.
     const Eigen::MatrixXd A = N_N.ldlt().solve(Eigen::MatrixXd(N_1.asDiagonal())).transpose();
-    for (Eigen::Index a = 0; a < k; ++a)
-      D[m[a]] += N_1[a];
+    C.clear();
     for (const auto& [o, points] : shared)
       for (const auto& p : points)
       {
         const Eigen::VectorXd Psi = A * Eigen::Map<const Eigen::VectorXd>(p.N_multiplier.data(), k);
-        for (Eigen::Index a = 0; a < k; ++a)
-          for (std::size_t c = 0; c < other.faces[o].size(); ++c)
-            C[m[a]][other.faces[o][c]] += p.weight * Psi[a] * p.N_other[c];
+        for (std::size_t c = 0; c < other.faces[o].size(); ++c)
+        {
+          auto& of_node = C[other.faces[o][c]];
+          for (Eigen::Index a = 0; a < k; ++a)
+            of_node[static_cast<std::size_t>(a)] += p.weight * Psi[a] * p.N_other[c];
+        }
       }
+    parts.face.push_back(static_cast<std::int32_t>(f));
+    parts.measure.push_back(measure);
+    parts.D.insert(parts.D.end(), N_1.data(), N_1.data() + k);
+    parts.n_nodes.push_back(static_cast<std::int32_t>(C.size()));
+    for (const auto& [node, values] : C)
+    {
+      parts.node.push_back(node);
+      parts.C.insert(parts.C.end(), values.begin(), values.begin() + k);
+    }
   }
+  return parts;
+}
+
+void write(link::wire::Writer& out, const FaceParts& p)
+{
+  out.list<std::int32_t>(p.face);
+  out.list<double>(p.measure);
+  out.list<double>(p.D);
+  out.list<std::int32_t>(p.n_nodes);
+  out.list<std::int32_t>(p.node);
+  out.list<double>(p.C);
+  out.f64(p.largest_gap);
+}
+
+FaceParts read_face_parts(link::wire::Reader in)
+{
+  FaceParts p;
+  p.face = in.i32_list("face");
+  p.measure = in.f64_list("measure");
+  p.D = in.f64_list("D");
+  p.n_nodes = in.i32_list("n_nodes");
+  p.node = in.i32_list("node");
+  p.C = in.f64_list("C");
+  p.largest_gap = in.f64("largest_gap");
+  in.end();
+  return p;
+}
+
+template <int dim>
+void write(link::wire::Writer& out, const InterfaceFaces<dim>& side)
+{
+  std::vector<double> x;
+  for (const auto& point : side.x)
+    x.insert(x.end(), point.c.begin(), point.c.end());
+  std::vector<std::int32_t> size, node;
+  for (const auto& face : side.faces)
+  {
+    size.push_back(static_cast<std::int32_t>(face.size()));
+    node.insert(node.end(), face.begin(), face.end());
+  }
+  out.list<double>(x);
+  out.list<std::int32_t>(size);
+  out.list<std::int32_t>(node);
+}
+
+template <int dim>
+InterfaceFaces<dim> read_faces(link::wire::Reader& in)
+{
+  InterfaceFaces<dim> side;
+  const auto x = in.f64_list("x");
+  const auto size = in.i32_list("face sizes"), node = in.i32_list("face nodes");
+  side.x.resize(x.size() / dim);
+  for (std::size_t n = 0; n < side.x.size(); ++n)
+    std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(n * dim), dim, side.x[n].c.begin());
+  auto from = node.begin();
+  for (const std::int32_t n : size)
+  {
+    side.faces.emplace_back(from, from + n);
+    from += n;
+  }
+  return side;
+}
+
+/// The stretch of `n` faces of rank r of `size`.
+std::array<std::size_t, 2> stretch(std::size_t n, int r, int size)
+{
+  const auto begin = [&](int k) { return n * static_cast<std::size_t>(k) / static_cast<std::size_t>(size); };
+  return {begin(r), begin(r + 1)};
+}
+
+template <int dim>
+std::vector<FaceParts> integrate_with(const link::Team& team, const InterfaceFaces<dim>& multiplier,
+                                      const InterfaceFaces<dim>& other, double search_distance)
+{
+  std::vector<std::byte> task;
+  link::wire::Writer out(task);
+  out.i32(dim);
+  out.f64(search_distance);
+  write(out, multiplier);
+  write(out, other);
+  team.tell(std::move(task));
+  const auto [begin, end] = stretch(multiplier.faces.size(), 0, team.size());
+  std::vector<FaceParts> parts{integrate_faces(multiplier, other, search_distance, begin, end)};
+  const auto found = team.collect({});
+  for (std::size_t r = 1; r < found.size(); ++r)
+    parts.push_back(read_face_parts(
+        link::wire::Reader(found[r], "mortar of rank " + std::to_string(r) + " of the coupler")));
+  return parts;
+}
+
+template <int dim>
+void help(const link::Team& team, link::wire::Reader in)
+{
+  const double search_distance = in.f64("search distance");
+  const auto multiplier = read_faces<dim>(in), other = read_faces<dim>(in);
+  const auto [begin, end] = stretch(multiplier.faces.size(), team.rank(), team.size());
+  std::vector<std::byte> answer;
+  link::wire::Writer out(answer);
+  write(out, integrate_faces(multiplier, other, search_distance, begin, end));
+  team.collect(answer);
+}
+
+} // namespace
+
+void help_with_mortars(const link::Team& team)
+{
+  for (;;)
+  {
+    const auto task = team.tell({});
+    if (task.empty())
+    {
+      team.collect({});
+      return;
+    }
+    link::wire::Reader in(task, "mortar task");
+    if (in.i32("dim") == 2)
+      help<2>(team, in);
+    else
+      help<3>(team, in);
+  }
+}
+
+void dismiss_helpers(const link::Team& team)
+{
+  if (team.size() == 1)
+    return;
+  team.tell({});
+  team.collect({}); // a helper that is stopped would let MPI_Finalize wait for ever
+}
+
+template <int dim>
+Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
+                             double search_distance, const link::Team* team)
+{
+  const bool share =
+      team != nullptr && team->size() > 1 && multiplier.faces.size() >= faces_worth_sharing<dim>;
+  const std::vector<FaceParts> all =
+      share ? integrate_with(*team, multiplier, other, search_distance)
+            : std::vector{integrate_faces(multiplier, other, search_distance, 0, multiplier.faces.size())};
+
+  std::map<int, double> D;
+  std::map<int, std::map<int, double>> C;
+  Mortar<dim> mortar;
+  double common_measure = 0.0;
+  for (const FaceParts& parts : all)
+  {
+    mortar.largest_gap = std::max(mortar.largest_gap, parts.largest_gap);
+    std::size_t d = 0, at = 0, c = 0; // next numbers of D, node and C
+    for (std::size_t k = 0; k < parts.face.size(); ++k)
+    {
+      common_measure += parts.measure[k];
+      const auto& m = multiplier.faces[static_cast<std::size_t>(parts.face[k])];
+      for (const int a : m)
+        D[a] += parts.D[d++];
+      for (std::int32_t i = 0; i < parts.n_nodes[k]; ++i, ++at)
+        for (const int a : m)
+          C[a][parts.node[at]] += parts.C[c++];
+    }
+  }
+  const auto normals = nodal_normals(multiplier);
   for (const auto& [node, d] : D)
   {
     mortar.multiplier_node.push_back(node);
@@ -472,8 +650,10 @@ template struct InterfaceFaces<2>;
 template struct InterfaceFaces<3>;
 template InterfaceFaces<2> faces_of<2>(const link::SurfaceMesh&, const std::string&);
 template InterfaceFaces<3> faces_of<3>(const link::SurfaceMesh&, const std::string&);
-template Mortar<2> integrate_mortar<2>(const InterfaceFaces<2>&, const InterfaceFaces<2>&, double);
-template Mortar<3> integrate_mortar<3>(const InterfaceFaces<3>&, const InterfaceFaces<3>&, double);
+template Mortar<2> integrate_mortar<2>(const InterfaceFaces<2>&, const InterfaceFaces<2>&, double,
+                                       const link::Team*);
+template Mortar<3> integrate_mortar<3>(const InterfaceFaces<3>&, const InterfaceFaces<3>&, double,
+                                       const link::Team*);
 template void append_constraints<2>(const Mortar<2>&, Side, InterfaceKind, ConstraintRows&);
 template void append_constraints<3>(const Mortar<3>&, Side, InterfaceKind, ConstraintRows&);
 

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "common/coupling/messages.hpp"
+#include "common/coupling/team.hpp"
 #include "common/tensor.hpp"
 #include "coupler/interface_operator.hpp"
 
@@ -53,9 +54,22 @@ struct Mortar
 };
 
 /// Integrate D and C. Faces further apart than `search_distance`, or facing the same way, do not meet.
+/// team: with other ranks of the coupler, which are in help_with_mortars(), if there are faces_worth_sharing;
+/// nullptr: alone. The same bits in any case: what a face gives is summed on one rank, and the faces' sums
+/// are added in the order of the faces.
 template <int dim>
 Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
-                             double search_distance);
+                             double search_distance, const link::Team* team = nullptr);
+
+/// Multiplier faces from which on sharing pays: 20 ms of integration (4 us per face in the plane, 70 in
+/// space) against the millisecond after which a sleeping rank wakes up and its answer;
+/// docs/benchmarks/scaling.md
+template <int dim>
+inline constexpr std::size_t faces_worth_sharing = dim == 2 ? 5000 : 250;
+
+/// What the coupler's other ranks than 0 do until rank 0 dismisses them. They wait without using their cores.
+void help_with_mortars(const link::Team& team);
+void dismiss_helpers(const link::Team& team);
 
 enum class InterfaceKind
 {

@@ -17,7 +17,7 @@ Interface exchange_surfaces(const CouplerConfig& config, const Sides& side,
     send_setup(config, *side[s], scheme[s]);
   auto fluid = side[Side::fluid]->receive_mesh();
   auto solid = side[Side::solid]->receive_mesh();
-  return {config.coupling, std::move(fluid), std::move(solid)};
+  return {config.coupling, std::move(fluid), std::move(solid), 0.99, config.team};
 }
 
 InterfaceOperator first_operator(Interface& interface, const Sides& side)

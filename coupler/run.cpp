@@ -2,6 +2,7 @@
 #include "coupler/run.hpp"
 
 #include "common/error.hpp"
+#include "coupler/mortar.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -203,6 +204,8 @@ std::int64_t run(const CouplerConfig& config, Group& fluid, Group& solid,
     if (keeper.after_window(planner.time(), windows))
       break;
   }
+  if (config.team != nullptr) // before the participants leave, so that a silent helper is told to all
+    dismiss_helpers(*config.team);
   for (const Group* group : side)
     for (link::PartnerLink* p : group->members())
       p->send_bye();

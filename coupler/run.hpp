@@ -3,6 +3,7 @@
 
 #include "common/config/coupling_config.hpp"
 #include "common/config/run_config.hpp"
+#include "common/coupling/team.hpp"
 #include "common/io/checkpoint.hpp"
 #include "coupler/scheme.hpp"
 
@@ -18,10 +19,11 @@ struct CouplerConfig
 {
   RunConfig run;
   CouplingConfig coupling;
-  double frame_interval = 0.0; ///< [s]; 0: only the first and the last frame
-  std::string restart;         ///< folder of the checkpoint to continue from, or empty
-  double t_start = 0.0;        ///< time of that checkpoint [s]
-  bool flight = true;          ///< all participants offer capability::flight
+  double frame_interval = 0.0;      ///< [s]; 0: only the first and the last frame
+  std::string restart;              ///< folder of the checkpoint to continue from, or empty
+  double t_start = 0.0;             ///< time of that checkpoint [s]
+  bool flight = true;               ///< all participants offer capability::flight
+  const link::Team* team = nullptr; ///< other ranks of the coupler, which help where that pays
 };
 
 /// State after a window, for output and tests.

@@ -78,6 +78,10 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   const bool coupled = world.coupled();
   const Ranks ranks = launch.ranks(world);
   const bool first = ranks.rank() == 0;
+  if (coupled && !ranks.alone() && (world.capabilities_of("coupler") & link::capability::distributed) == 0)
+    throw InputError(
+        "this coupler (" + world.solver_of("coupler") +
+        ") takes wet nodes from rank 0 only (it does not offer DISTRIBUTED); start solid_fe on one rank");
   solid.distribute(ranks);
   const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
   log->info("solid_fe {}, {}, {} rank{}\n{}", UNDINE_VERSION, coupled ? "coupled" : "alone", ranks.size(),
@@ -99,8 +103,8 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
     summary.write(launch.output.dir + "/" + launch.role + ".json");
   };
   std::optional<link::SolverLink> coupler;
-  if (coupled && first)
-    coupler.emplace(world.channel("coupler"));
+  if (coupled) // every rank for its own wet nodes
+    coupler.emplace(world.path("coupler", 0), ranks.rank());
   Checkpoints checkpoints = launch.checkpoints(*log);
   const Persistence persistence = launch.persistence(
       checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);
@@ -123,7 +127,7 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   }
   catch (const NumericalError& error)
   {
-    if (coupler)
+    if (coupler && first)
       coupler->send_failure(static_cast<int>(error.code()), error.what());
     if (ranks.alone()) // the state that broke is what one wants to see; of several ranks the others are gone
                        // on
@@ -135,7 +139,7 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   }
   catch (const Failure& failure)
   {
-    if (coupler)
+    if (coupler && first)
       coupler->send_failure(static_cast<int>(failure.code()), failure.what());
     throw;
   }

@@ -69,9 +69,10 @@ public:
   Solid(const SolidConfig& config, const Mesh<dim>& mesh);
 
   /// Share the work: from here on this rank computes the nodes that it owns, and holds only the elements that
-  /// they need. Wet nodes, rigid bodies, what may touch and a beam, which is a line of few nodes, are
-  /// all rank 0's, which alone talks to the coupler. All ranks must have made the same solid. Results have
-  /// the bits of one rank. Collective, as are from here on all steps and everything that says so.
+  /// they need. Rigid bodies, what may touch and a beam, which is a line of few nodes, are
+  /// all rank 0's. Each rank talks to the coupler of its own wet nodes. All ranks must have made the same
+  /// solid. Results have the bits of one rank. Collective, as are from here on all steps and everything that
+  /// says so.
   void distribute(const Ranks& ranks);
   const Ranks& ranks() const { return share_.ranks(); }
   /// The nodes of this rank; rows of others in nodes() are out of date.
@@ -107,8 +108,8 @@ public:
   /// pushes.
   void predict_velocity(double dt);
   void predict_position(double dt);
-  /// v ← v + Δt M⁻¹ f on the wet nodes, between predict_velocity and predict_position. f_link [N]: n_wet ×
-  /// dim.
+  /// v ← v + Δt M⁻¹ f on the wet nodes, between predict_velocity and predict_position. f_link [N]: of this
+  /// rank's.
   void push(std::span<const double> f_link, double dt);
   /// a = M⁻¹ (F_ext − F_int(u)),  v ← v + Δt/2 a: from here on v is v_free.
   /// @throws NumericalError if an element is inverted: element, position, step, time
@@ -117,19 +118,20 @@ public:
   /// bits.
   void solve_free_motion_of_interface(double dt);
   void solve_free_motion_of_interior(double dt);
-  /// a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f on the wet nodes. f_link [N]: n_wet × dim.
+  /// a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f on the wet nodes. f_link [N]: of this rank's.
   void correct_with_link(std::span<const double> f_link, double dt);
 
   /// v ← v + M⁻¹ impulse,  a ← a_free + M⁻¹ link_force on the wet nodes: a compatible start of a constraint.
   void apply_activation(const link::Activation& activation);
 
-  index_t n_wet_nodes() const { return reference_.n_wet; }
-  link::SurfaceMesh wet_surface(); ///< at the current position
+  // Vectors of the wet surface have a row of dim numbers for each wet node of this rank, ascending.
+  index_t n_wet_nodes() const { return reference_.n_wet; } ///< of all ranks
+  link::SurfaceMesh wet_surface();                         ///< at the current position. Collective
   /// The inverse masses of the wet nodes are no longer those of the last wet_surface(): a wet fibre of a beam
   /// has turned by more than 1e-3.
   bool wet_surface_has_changed() const;
   std::span<const double>
-  interface_velocity() const; ///< of the wet nodes [m/s], n_wet × dim; v_free between the parts of a step
+  interface_velocity() const; ///< of the wet nodes [m/s]; v_free between the parts of a step
   link::Kinematics interface_kinematics() const; ///< v and a_free of the wet nodes
 
   /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s]. Collective.
@@ -263,6 +265,8 @@ private:
   double formula_of(const DrivenComponent& driven, double t) const;
   /// Velocities (and accelerations) of the driven components of `part` at the end of the step.
   void finish_driven(double dt, Part part);
+  /// Rows of all wet nodes, of which those of this rank are `mine`.
+  std::span<const double> rows_of_all(std::span<const double> mine, std::vector<double>& room) const;
   bool moves_beam() const { return beam_ && share_.is_first(); }
   /// What rank 0 says, whose the beam is. Collective.
   template <class T>
@@ -340,7 +344,8 @@ private:
   std::vector<double> contact_work_;   ///< empty without contact
 
   NodeShare share_;
-  std::vector<WholeBody> whole_; ///< of each body; empty on one rank
+  mutable std::vector<double> wet_rows_; ///< interface_velocity() of several ranks
+  std::vector<WholeBody> whole_;         ///< of each body; empty on one rank
 };
 
 } // namespace undine::solid

@@ -81,7 +81,6 @@ template <int dim>
 std::vector<char> Solid<dim>::nodes_of_first_rank() const
 {
   std::vector<char> marked(nodes_.X.size(), 0);
-  std::fill_n(marked.begin(), reference_.n_wet, 1);
   for (const auto& body : rigid_)
     for (const auto n : body.members())
       marked[n] = 1;
@@ -276,6 +275,12 @@ void Solid<dim>::collect()
     share_.collect(*field);
   for (auto* work : {&external_work_, &viscous_work_})
     share_.collect(*work);
+  const auto collect_first = [this](auto& rows) // of the wet nodes
+  { share_.collect(rows, std::span(share_.owner()).first(rows.size())); };
+  collect_first(a_free_wet_);
+  collect_first(f_link_);
+  collect_first(step_of_wet_);
+  collect_first(interface_work_);
   std::vector<std::array<double, 3>> rows;
   std::vector<int> owner;
   for (const auto& driven : driven_)

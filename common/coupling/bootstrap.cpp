@@ -604,7 +604,7 @@ World World::connect(const Identity& identity, const Deadlines& deadlines)
 
   // In the run the coupler speaks first: it hears of every error.
   if (state->coupled)
-    courtesy = identity.role == "coupler" ? 0.0 : courtesy_of(rank + 1);
+    courtesy = identity.role == "coupler" && state->role_rank == 0 ? 0.0 : courtesy_of(rank + 1);
   else
     courtesy = courtesy_of(state->role_rank);
   return World(std::move(state));
@@ -615,12 +615,19 @@ bool World::coupled() const { return state_->coupled; }
 
 std::unique_ptr<Channel> World::channel(const std::string& role) const
 {
-  if (state_->role_rank != 0)
-    return nullptr;
+  return state_->role_rank == 0 ? path(role, 0) : nullptr;
+}
+
+std::unique_ptr<Channel> World::path(const std::string& role, int rank) const
+{
   const auto found = state_->intercommunicator.find(role);
   if (found == state_->intercommunicator.end())
     throw ProtocolError(code::internal_error, "'" + state_->role + "' has no channel to '" + role + "'");
-  return std::make_unique<MpiChannel>(state_->owner, found->second, state_->stall);
+  if (const auto n = static_cast<int>(state_->ranks_of(role).size()); rank < 0 || rank >= n)
+    throw ProtocolError(code::message_out_of_order,
+                        "'" + role + "' gave rows of its wet surface to its rank " + std::to_string(rank) +
+                            ", but it has " + std::to_string(n) + " ranks");
+  return std::make_unique<MpiChannel>(state_->owner, found->second, rank, state_->stall);
 }
 
 std::string World::solver_of(const std::string& role) const

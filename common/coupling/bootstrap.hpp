@@ -31,7 +31,7 @@ struct Identity
   std::uint64_t case_hash = 0; ///< 0: did not read the case
   std::vector<std::string> partners; ///< roles that must be present, e.g. {"fluid", "solid"} for the coupler
   std::uint64_t capabilities =
-      capability::link; ///< bits of namespace capability; of no meaning for a coupler
+      capability::link; ///< bits of namespace capability; of a coupler only `distributed` has a meaning
 };
 
 struct Deadlines
@@ -55,6 +55,9 @@ public:
   bool coupled() const;  ///< false: this program runs alone
   /// Channel to `role` on rank 0 of this role; nullptr on the other ranks.
   std::unique_ptr<Channel> channel(const std::string& role) const;
+  /// Channel of this process to rank `rank` of `role`, for the rows of wet nodes; from rank 0 of the coupler
+  /// or to it. @throws ProtocolError(37) if `role` has no such rank
+  std::unique_ptr<Channel> path(const std::string& role, int rank) const;
   std::string solver_of(const std::string& role) const;
   std::uint64_t capabilities_of(const std::string& role) const;
 

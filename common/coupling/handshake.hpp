@@ -43,6 +43,8 @@ inline constexpr std::uint64_t link = 1u << 1;    ///< level B: returns free vel
 inline constexpr std::uint64_t contact = 1u << 2; ///< level B with the exchange in the middle of the step
 inline constexpr std::uint64_t rewind = 1u << 3;  ///< level B: runs a window on trial (Window::trial)
 inline constexpr std::uint64_t flight = 1u << 4;  ///< contact: runs steps without exchange (Window::flight)
+/// A participant: MESH may give rows to several of its ranks. A coupler: it exchanges them with these ranks.
+inline constexpr std::uint64_t distributed = 1u << 5;
 } // namespace capability
 
 struct Hello

@@ -6,6 +6,7 @@
 #include "common/coupling/failure_state.hpp"
 #include "common/coupling/wire.hpp"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -101,12 +102,31 @@ std::string number_text(double value)
   return text;
 }
 
-/// Both ends of the conversation: buffers, counters, and the state that both derive from the same messages.
-class Conversation
+/// What both ends derive from the messages between the coupler and rank 0 of a participant.
+struct Progress
+{
+  State state_ = State::setup;
+  int setup_dim_ = 0;
+  bool takes_forces_ = false; ///< level A
+  bool sees_surface_ = false; ///< the partner's surface precedes its own
+  bool size_known_ = false;   ///< MESH has been exchanged
+  int dim_ = 1;
+  std::uint32_t epoch_ = 0;
+  bool mesh_accepted_ = false;
+  bool surface_changed_ = false;
+  Window window_{.index = -1};
+  std::int64_t exchange_ = 0;
+  std::int64_t exchanges_ = 0;
+};
+
+/// Both ends of the conversation: buffers, counters, progress. With another rank of a participant than 0 only
+/// the vectors of its rows are exchanged; of the other messages this end hears from its program.
+class Conversation : private Progress
 {
 public:
-  Conversation(std::unique_ptr<Channel> channel, End end, std::string partner)
-      : channel_(std::move(channel)), end_(end), partner_(std::move(partner))
+  /// rank: of the participant
+  Conversation(std::unique_ptr<Channel> channel, End end, std::string partner, int rank = 0)
+      : channel_(std::move(channel)), end_(end), partner_(std::move(partner)), rank_(rank)
   {
     if (!channel_)
       throw ProtocolError(code::internal_error,
@@ -137,6 +157,33 @@ public:
     fill(writer);
     send_sealed(type);
   }
+
+  const Progress& progress() const { return *this; }
+  /// Be as far as the conversation with rank 0.
+  void follow(const Progress& first) { static_cast<Progress&>(*this) = first; }
+  /// The same, with a new surface.
+  void follow(const Progress& first, const SurfaceMesh& mesh)
+  {
+    follow(first);
+    count_rows(mesh);
+  }
+  /// Take note of what rank 0 has sent or received.
+  template <class Content>
+  void hear(MessageType type, const Content& content)
+  {
+    if (!turn(state_).allows(type))
+      throw ProtocolError(code::internal_error, "rank " + std::to_string(rank_) + " heard of " +
+                                                    name_of(type) + ", but next comes " + expected_text());
+    accept(type, content);
+  }
+  /// The conversation of rank 0 has ended.
+  void hear_end()
+  {
+    state_ = State::closed;
+    end();
+  }
+  /// Another rank than 0 without rows: it neither sends nor receives.
+  bool is_silent() const { return rank_ > 0 && size_ == 0; }
 
   /// Sends content that the next state depends on; its header already speaks of the new state (WINDOW).
   template <class Content>
@@ -222,7 +269,8 @@ public:
       std::memcpy(values.data(), payload.data(), payload.size());
     if (const std::size_t bad = wire::first_not_finite(values); bad < values.size())
       reader().reject("component " + std::to_string(bad % std::size_t(dim_)) + " of node " +
-                          std::to_string(bad / std::size_t(dim_)) + " of the MESH",
+                          std::to_string(bad / std::size_t(dim_)) +
+                          (split_ ? " of its own in the MESH" : " of the MESH"),
                       std::to_string(values[bad]), "a finite number (t = " + number_text(last_in_.t) + " s)");
     advance(type);
   }
@@ -251,7 +299,15 @@ public:
                                  "more than " + std::to_string(epoch_) + ", that of the last surface");
     dim_ = mesh.dim;
     epoch_ = mesh.epoch;
-    size_ = static_cast<std::size_t>(mesh.n_nodes()) * static_cast<std::size_t>(mesh.dim);
+    count_rows(mesh);
+  }
+
+  void count_rows(const SurfaceMesh& mesh)
+  {
+    split_ = !mesh.owner.empty();
+    const auto dim = static_cast<std::size_t>(mesh.dim);
+    size_ = mesh.owner.empty() && rank_ == 0 ? static_cast<std::size_t>(mesh.n_nodes()) * dim
+                                             : mesh.rows_of(rank_).size() * dim;
   }
 
   void learn(MessageType, const wire::MeshReply& reply) { mesh_accepted_ = reply.accepted; }
@@ -509,21 +565,11 @@ private:
   std::unique_ptr<Channel> channel_;
   End end_;
   std::string partner_;
+  int rank_;
 
-  State state_ = State::setup;
-  bool over_ = false; ///< by BYE or FAIL
-  int setup_dim_ = 0;
-  bool takes_forces_ = false; ///< level A
-  bool sees_surface_ = false; ///< the partner's surface precedes its own
-  bool size_known_ = false;   ///< MESH has been exchanged
-  int dim_ = 1;
-  std::size_t size_ = 0; ///< numbers in a vector of the wet surface
-  std::uint32_t epoch_ = 0;
-  bool mesh_accepted_ = false;
-  bool surface_changed_ = false;
-  Window window_{.index = -1};
-  std::int64_t exchange_ = 0;
-  std::int64_t exchanges_ = 0;
+  bool over_ = false;    ///< by BYE or FAIL
+  std::size_t size_ = 0; ///< numbers in a vector of the rows of this rank
+  bool split_ = false;   ///< other ranks have rows too
 
   std::vector<std::byte> outgoing_;
   std::vector<std::byte> incoming_;
@@ -547,8 +593,9 @@ struct PartnerLink::Conversation : link::Conversation
   using link::Conversation::Conversation;
 };
 
-SolverLink::SolverLink(std::unique_ptr<Channel> channel)
-    : conversation_(std::make_unique<Conversation>(std::move(channel), End::participant, "coupler"))
+SolverLink::SolverLink(std::unique_ptr<Channel> channel, int rank)
+    : conversation_(std::make_unique<Conversation>(std::move(channel), End::participant, "coupler", rank)),
+      rank_(rank)
 {
 }
 SolverLink::~SolverLink() = default;
@@ -570,8 +617,19 @@ SurfaceMesh SolverLink::receive_surface()
   return surface;
 }
 
+void SolverLink::hear(const Setup& setup) { conversation_->hear(MessageType::setup, setup); }
+void SolverLink::hear(const SurfaceMesh& surface) { conversation_->hear(MessageType::surface, surface); }
+void SolverLink::hear(const Window& window) { conversation_->hear(MessageType::window, window); }
+void SolverLink::hear_end() { conversation_->hear_end(); }
+
 void SolverLink::send_mesh(const SurfaceMesh& mesh)
 {
+  if (rank_ > 0)
+  {
+    conversation_->hear(MessageType::mesh, mesh);
+    conversation_->hear(MessageType::mesh_reply, wire::MeshReply{}); // or rank 0 ends the program
+    return;
+  }
   conversation_->send_learning(MessageType::mesh, mesh);
   conversation_->receive(MessageType::mesh_reply);
   const wire::MeshReply reply = wire::read_mesh_reply(conversation_->reader());
@@ -582,12 +640,18 @@ void SolverLink::send_mesh(const SurfaceMesh& mesh)
 
 void SolverLink::send_report(const Report& report)
 {
-  conversation_->send_learning(MessageType::ready, report);
+  if (rank_ > 0)
+    conversation_->hear(MessageType::ready, report);
+  else
+    conversation_->send_learning(MessageType::ready, report);
 }
 
 void SolverLink::send_mesh_update(const SurfaceMesh& mesh)
 {
-  conversation_->send_learning(MessageType::mesh_update, mesh);
+  if (rank_ > 0)
+    conversation_->hear(MessageType::mesh_update, mesh);
+  else
+    conversation_->send_learning(MessageType::mesh_update, mesh);
 }
 
 SolverLink::Order SolverLink::next_order()
@@ -640,11 +704,19 @@ void SolverLink::send_checkpoint_done(const CheckpointDone& done)
 
 void SolverLink::send_kinematics(const Kinematics& kinematics)
 {
-  conversation_->send(MessageType::kinematics, [&](wire::Writer& out) { wire::write(out, kinematics); });
+  if (conversation_->is_silent())
+    conversation_->advance(MessageType::kinematics);
+  else
+    conversation_->send(MessageType::kinematics, [&](wire::Writer& out) { wire::write(out, kinematics); });
 }
 
 Activation SolverLink::receive_activation()
 {
+  if (conversation_->is_silent())
+  {
+    conversation_->advance(MessageType::activation_impulse);
+    return {};
+  }
   conversation_->receive(MessageType::activation_impulse);
   Activation activation = wire::read_activation(conversation_->reader(), conversation_->size());
   conversation_->advance(MessageType::activation_impulse);
@@ -653,17 +725,26 @@ Activation SolverLink::receive_activation()
 
 void SolverLink::send_free_velocity(std::span<const double> v_free)
 {
-  conversation_->send_vector(MessageType::free_velocity, v_free);
+  if (conversation_->is_silent())
+    conversation_->advance(MessageType::free_velocity);
+  else
+    conversation_->send_vector(MessageType::free_velocity, v_free);
 }
 
 void SolverLink::receive_link_force(std::span<double> f_link)
 {
-  conversation_->receive_vector(MessageType::link_force, f_link);
+  if (conversation_->is_silent())
+    conversation_->advance(MessageType::link_force);
+  else
+    conversation_->receive_vector(MessageType::link_force, f_link);
 }
 
 void SolverLink::send_motion(const Motion& motion)
 {
-  conversation_->send(MessageType::motion, [&](wire::Writer& out) { wire::write(out, motion); });
+  if (conversation_->is_silent())
+    conversation_->advance(MessageType::motion);
+  else
+    conversation_->send(MessageType::motion, [&](wire::Writer& out) { wire::write(out, motion); });
 }
 
 void SolverLink::send_stop_request(const std::string& reason) { conversation_->send_stop_request(reason); }
@@ -674,8 +755,17 @@ void SolverLink::send_failure(int code, const std::string& text) noexcept
 void SolverLink::ping() { conversation_->ping(); }
 double SolverLink::wait_seconds() const { return conversation_->wait_seconds(); }
 
-PartnerLink::PartnerLink(std::unique_ptr<Channel> channel, std::string role)
-    : conversation_(std::make_unique<Conversation>(std::move(channel), End::coupler, std::move(role)))
+/// A rank of the participant that owns rows, or did.
+struct PartnerLink::Path
+{
+  int rank;
+  std::unique_ptr<Conversation> conversation; ///< null for rank 0, whose is PartnerLink's
+  std::vector<std::int64_t> rows;
+};
+
+PartnerLink::PartnerLink(std::unique_ptr<Channel> channel, std::string role, PathMaker make_path)
+    : conversation_(std::make_unique<Conversation>(std::move(channel), End::coupler, std::move(role))),
+      make_path_(std::move(make_path))
 {
 }
 PartnerLink::~PartnerLink() = default;
@@ -688,12 +778,88 @@ void PartnerLink::send_surface(const SurfaceMesh& surface)
   conversation_->send(MessageType::surface, [&](wire::Writer& out) { wire::write(out, surface); });
 }
 
-SurfaceMesh PartnerLink::receive_mesh()
+SurfaceMesh PartnerLink::receive_mesh() { return receive_surface_mesh(MessageType::mesh); }
+
+SurfaceMesh PartnerLink::receive_surface_mesh(MessageType type)
 {
-  conversation_->receive(MessageType::mesh);
+  conversation_->receive(type);
   SurfaceMesh mesh = wire::read_surface_mesh(conversation_->reader());
-  conversation_->accept(MessageType::mesh, mesh);
+  conversation_->accept(type, mesh);
+  find_paths(mesh);
+  mesh.owner.clear(); // nobody's concern but this link's
   return mesh;
+}
+
+/// From now on the rows are exchanged with their owners.
+void PartnerLink::find_paths(const SurfaceMesh& mesh)
+{
+  dim_ = static_cast<std::size_t>(mesh.dim);
+  if (mesh.owner.empty() && paths_.empty())
+    return;
+  if (!make_path_)
+    conversation_->reader().reject("owner", "a list", "nothing: this coupler takes all rows from rank 0");
+  if (paths_.empty())
+    paths_.push_back({.rank = 0, .conversation = nullptr, .rows = {}});
+  std::vector<std::int32_t> ranks = mesh.owner;
+  std::sort(ranks.begin(), ranks.end());
+  ranks.erase(std::unique(ranks.begin(), ranks.end()), ranks.end());
+  for (const int rank : ranks)
+    if (std::none_of(paths_.begin(), paths_.end(), [rank](const Path& p) { return p.rank == rank; }))
+      paths_.push_back({.rank = rank,
+                        .conversation = std::make_unique<Conversation>(
+                            make_path_(rank), End::coupler, role() + " rank " + std::to_string(rank), rank),
+                        .rows = {}});
+  for (Path& path : paths_)
+  {
+    path.rows = mesh.rows_of(path.rank);
+    if (path.conversation)
+      path.conversation->follow(conversation_->progress(), mesh);
+  }
+}
+
+/// talk(conversation, rows) with rank 0 and with each other rank that owns rows; all are as far as rank 0 is
+/// now.
+template <class Talk>
+void PartnerLink::with_owners(Talk&& talk)
+{
+  const Progress now = conversation_->progress();
+  for (Path& path : paths_)
+    if (!path.conversation)
+      talk(*conversation_, path.rows);
+    else if (!path.rows.empty())
+    {
+      path.conversation->follow(now);
+      talk(*path.conversation, path.rows);
+    }
+}
+
+/// Rows of `mine` to their places in `all`, one row after the other.
+void PartnerLink::place(std::span<const double> mine, const std::vector<std::int64_t>& rows,
+                        std::span<double> all) const
+{
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    std::copy_n(mine.begin() + static_cast<std::ptrdiff_t>(k * dim_), dim_,
+                all.begin() + rows[k] * static_cast<std::ptrdiff_t>(dim_));
+}
+
+/// Those rows of `all`.
+std::vector<double> PartnerLink::pick(std::span<const double> all,
+                                      const std::vector<std::int64_t>& rows) const
+{
+  std::vector<double> mine(rows.size() * dim_);
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    std::copy_n(all.begin() + rows[k] * static_cast<std::ptrdiff_t>(dim_), dim_,
+                mine.begin() + static_cast<std::ptrdiff_t>(k * dim_));
+  return mine;
+}
+
+/// Numbers in a vector of all rows.
+std::size_t PartnerLink::size() const
+{
+  std::size_t n = 0;
+  for (const Path& path : paths_)
+    n += path.rows.size();
+  return n * dim_;
 }
 
 void PartnerLink::accept_mesh()
@@ -716,13 +882,7 @@ Report PartnerLink::receive_report()
   return report;
 }
 
-SurfaceMesh PartnerLink::receive_mesh_update()
-{
-  conversation_->receive(MessageType::mesh_update);
-  SurfaceMesh mesh = wire::read_surface_mesh(conversation_->reader());
-  conversation_->accept(MessageType::mesh_update, mesh);
-  return mesh;
-}
+SurfaceMesh PartnerLink::receive_mesh_update() { return receive_surface_mesh(MessageType::mesh_update); }
 
 void PartnerLink::send_window(const Window& window)
 {
@@ -744,39 +904,103 @@ CheckpointDone PartnerLink::receive_checkpoint_done()
 
 Kinematics PartnerLink::receive_kinematics()
 {
-  conversation_->receive(MessageType::kinematics);
-  Kinematics kinematics = wire::read_kinematics(conversation_->reader(), conversation_->size());
-  conversation_->advance(MessageType::kinematics);
-  return kinematics;
+  const auto receive_from = [](link::Conversation& from)
+  {
+    from.receive(MessageType::kinematics);
+    Kinematics kinematics = wire::read_kinematics(from.reader(), from.size());
+    from.advance(MessageType::kinematics);
+    return kinematics;
+  };
+  if (paths_.empty())
+    return receive_from(*conversation_);
+  Kinematics all{.v = std::vector<double>(size()), .a_free = std::vector<double>(size())};
+  with_owners(
+      [&](link::Conversation& from, const std::vector<std::int64_t>& rows)
+      {
+        const Kinematics mine = receive_from(from);
+        place(mine.v, rows, all.v);
+        place(mine.a_free, rows, all.a_free);
+      });
+  return all;
 }
 
 void PartnerLink::send_activation(const Activation& activation)
 {
-  conversation_->send(MessageType::activation_impulse,
-                      [&](wire::Writer& out) { wire::write(out, activation); });
+  const auto send_to = [](link::Conversation& to, const Activation& mine)
+  { to.send(MessageType::activation_impulse, [&](wire::Writer& out) { wire::write(out, mine); }); };
+  if (paths_.empty())
+    return send_to(*conversation_, activation);
+  with_owners(
+      [&](link::Conversation& to, const std::vector<std::int64_t>& rows)
+      {
+        send_to(to,
+                {.impulse = pick(activation.impulse, rows), .link_force = pick(activation.link_force, rows)});
+      });
 }
 
 void PartnerLink::receive_free_velocity(std::span<double> v_free)
 {
-  conversation_->receive_vector(MessageType::free_velocity, v_free);
+  if (paths_.empty())
+    return conversation_->receive_vector(MessageType::free_velocity, v_free);
+  require_size(MessageType::free_velocity, v_free.size());
+  with_owners(
+      [&](link::Conversation& from, const std::vector<std::int64_t>& rows)
+      {
+        std::vector<double> mine(rows.size() * dim_);
+        from.receive_vector(MessageType::free_velocity, mine);
+        place(mine, rows, v_free);
+      });
 }
 
 void PartnerLink::send_link_force(std::span<const double> f_link)
 {
-  conversation_->send_vector(MessageType::link_force, f_link);
+  if (paths_.empty())
+    return conversation_->send_vector(MessageType::link_force, f_link);
+  require_size(MessageType::link_force, f_link.size());
+  with_owners([&](link::Conversation& to, const std::vector<std::int64_t>& rows)
+              { to.send_vector(MessageType::link_force, pick(f_link, rows)); });
 }
 
 Motion PartnerLink::receive_motion()
 {
-  conversation_->receive(MessageType::motion);
-  Motion motion = wire::read_motion(conversation_->reader(), conversation_->size());
-  conversation_->advance(MessageType::motion);
-  return motion;
+  const auto receive_from = [](link::Conversation& from)
+  {
+    from.receive(MessageType::motion);
+    Motion motion = wire::read_motion(from.reader(), from.size());
+    from.advance(MessageType::motion);
+    return motion;
+  };
+  if (paths_.empty())
+    return receive_from(*conversation_);
+  Motion all{.x = std::vector<double>(size()), .v = std::vector<double>(size())};
+  with_owners(
+      [&](link::Conversation& from, const std::vector<std::int64_t>& rows)
+      {
+        const Motion mine = receive_from(from);
+        place(mine.x, rows, all.x);
+        place(mine.v, rows, all.v);
+      });
+  return all;
+}
+
+void PartnerLink::require_size(MessageType type, std::size_t came) const
+{
+  if (came != size())
+    throw ProtocolError(code::internal_error, std::string(name_of(type)) + " with '" + role() +
+                                                  "': this program gave " + std::to_string(came) +
+                                                  " numbers, expected " + std::to_string(size()) +
+                                                  " (nodes x dim of the MESH)");
 }
 
 bool PartnerLink::stop_requested() const { return conversation_->stop_requested(); }
 const std::string& PartnerLink::stop_reason() const { return conversation_->stop_reason(); }
-void PartnerLink::ping() { conversation_->ping(); }
+void PartnerLink::ping()
+{
+  conversation_->ping();
+  for (Path& path : paths_)
+    if (path.conversation && !path.rows.empty())
+      path.conversation->ping();
+}
 
 void PartnerLink::send_bye()
 {
@@ -784,13 +1008,29 @@ void PartnerLink::send_bye()
   conversation_->receive(MessageType::bye_ack);
   conversation_->reader().end();
   conversation_->advance(MessageType::bye_ack);
+  end_paths();
+}
+
+void PartnerLink::end_paths() noexcept
+{
+  for (Path& path : paths_)
+    if (path.conversation)
+      path.conversation->hear_end();
 }
 
 void PartnerLink::send_failure(int code, const std::string& text) noexcept
 {
   conversation_->send_failure(code, text);
+  end_paths(); // the program ends as a whole
 }
 const std::string& PartnerLink::role() const { return conversation_->partner(); }
-double PartnerLink::wait_seconds() const { return conversation_->wait_seconds(); }
+double PartnerLink::wait_seconds() const
+{
+  double sum = conversation_->wait_seconds();
+  for (const Path& path : paths_)
+    if (path.conversation)
+      sum += path.conversation->wait_seconds();
+  return sum;
+}
 
 } // namespace undine::link

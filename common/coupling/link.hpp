@@ -27,15 +27,21 @@
 // latter; with both contact schemes every window is one step of both sides and has no KINEMATICS.
 //
 // At any time: P STOP_REQUEST, and PING or FAIL of both.
+//
+// A participant on several ranks may give the rows of its wet surface to several of them
+// (SurfaceMesh::owner): KINEMATICS, ACTIVATION_IMPULSE, FREE_VELOCITY, LINK_FORCE and MOTION are then
+// exchanged with every owner, the rows of each in one message; all else stays with rank 0.
 #pragma once
 
 #include "common/coupling/channel.hpp"
 #include "common/coupling/messages.hpp"
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <variant>
+#include <vector>
 
 namespace undine::link
 {
@@ -45,13 +51,20 @@ namespace undine::link
 class SolverLink
 {
 public:
-  explicit SolverLink(std::unique_ptr<Channel> channel);
+  /// rank: of this process in the participant. On others than 0 the link exchanges the vectors of this rank's
+  /// rows, and takes note of the rest: hear() what rank 0 receives, and call what rank 0 sends.
+  explicit SolverLink(std::unique_ptr<Channel> channel, int rank = 0);
   ~SolverLink();
   SolverLink(SolverLink&&) noexcept;
 
   Setup receive_setup();
   /// Scheme "contact+surface": the partner's wet surface, before send_mesh and before each send_mesh_update.
   SurfaceMesh receive_surface();
+  // On another rank than 0, what its rank 0 has received.
+  void hear(const Setup&);
+  void hear(const SurfaceMesh& partner);
+  void hear(const Window&);
+  void hear_end();
   /// Waits for the MESH_REPLY. @throws ProtocolError(4) with the coupler's reason if it rejects the mesh
   void send_mesh(const SurfaceMesh&);
   void send_report(const Report&);
@@ -66,8 +79,8 @@ public:
   void send_checkpoint_done(const CheckpointDone&);
   void send_kinematics(const Kinematics&);
   Activation receive_activation();
-  void send_free_velocity(std::span<const double> v_free); ///< starts the message and returns; size n × dim
-  void receive_link_force(std::span<double> f_link);       ///< waits; size n × dim
+  void send_free_velocity(std::span<const double> v_free); ///< starts the message and returns; rows × dim
+  void receive_link_force(std::span<double> f_link);       ///< waits; rows × dim
   void send_motion(const Motion&);                         ///< level A: before each report
   void send_stop_request(const std::string& reason);
   void send_failure(int code, const std::string& text) noexcept; ///< last word before the program ends
@@ -78,6 +91,7 @@ public:
 private:
   struct Conversation;
   std::unique_ptr<Conversation> conversation_;
+  int rank_ = 0;
   std::function<CheckpointDone(const CheckpointOrder&)> write_checkpoint_;
 };
 
@@ -85,7 +99,11 @@ private:
 class PartnerLink
 {
 public:
-  PartnerLink(std::unique_ptr<Channel> channel, std::string role);
+  /// A channel to another rank of the participant than 0.
+  using PathMaker = std::function<std::unique_ptr<Channel>(int rank)>;
+  /// make_path: for participants on several ranks; without it a surface whose rows have several owners is
+  /// refused (37).
+  PartnerLink(std::unique_ptr<Channel> channel, std::string role, PathMaker make_path = {});
   ~PartnerLink();
   PartnerLink(PartnerLink&&) noexcept;
 
@@ -114,7 +132,22 @@ public:
 
 private:
   struct Conversation;
+  struct Path;
+  SurfaceMesh receive_surface_mesh(MessageType type);
+  void find_paths(const SurfaceMesh& mesh);
+  template <class Talk>
+  void with_owners(Talk&& talk);
+  void place(std::span<const double> mine, const std::vector<std::int64_t>& rows,
+             std::span<double> all) const;
+  std::vector<double> pick(std::span<const double> all, const std::vector<std::int64_t>& rows) const;
+  std::size_t size() const;
+  void require_size(MessageType type, std::size_t came) const;
+  void end_paths() noexcept;
+
   std::unique_ptr<Conversation> conversation_;
+  PathMaker make_path_;
+  std::vector<Path> paths_; ///< rank 0 first; empty while all rows are its
+  std::size_t dim_ = 1;
 };
 
 } // namespace undine::link

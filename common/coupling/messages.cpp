@@ -51,4 +51,13 @@ const char* name_of(MessageType type)
   return "UNKNOWN";
 }
 
+std::vector<std::int64_t> SurfaceMesh::rows_of(int rank) const
+{
+  std::vector<std::int64_t> rows;
+  for (std::int64_t n = 0; n < n_nodes(); ++n)
+    if ((owner.empty() ? 0 : owner[static_cast<std::size_t>(n)]) == rank)
+      rows.push_back(n);
+  return rows;
+}
+
 } // namespace undine::link

@@ -60,9 +60,14 @@ struct SurfaceMesh
   /// Acceleration of the first node per force on the second [1/kg], pairs × dim × dim; the reverse is its
   /// transpose.
   std::vector<double> coupled_inverse_mass;
+  /// Rank of the participant that sends and receives each row of the vectors, size n; empty: all are rank
+  /// 0's.
+  std::vector<std::int32_t> owner;
 
   std::int64_t n_nodes() const { return static_cast<std::int64_t>(node_id.size()); }
   std::int64_t n_faces() const { return static_cast<std::int64_t>(face_offset.size()) - 1; }
+  /// Positions in node_id of the rows of `rank`, ascending: the order of its vectors.
+  std::vector<std::int64_t> rows_of(int rank) const;
 };
 
 /// State of a participant at a window end.

@@ -3,10 +3,10 @@
 #include "common/coupling/mpi_channel.hpp"
 
 #include "common/coupling/exit_codes.hpp"
+#include "common/coupling/patience.hpp"
 
 #include <sched.h>
 #include <sys/prctl.h>
-#include <time.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -41,78 +41,6 @@ std::vector<MpiChannel*>& channels()
   return list;
 }
 
-/// How a waiting process passes its time: first it spins (the answer of a running partner comes within
-/// microseconds), then it yields (partners may outnumber the cores), then it sleeps, ever longer in
-/// proportion to the wait.
-class Patience
-{
-public:
-  /// `stall` ≤ 0: no limit.
-  explicit Patience(double stall) : stall_(stall) {}
-
-  /// Forget what was waited: something came.
-  void restart()
-  {
-    waited_ = 0.0;
-    warned_ = false;
-    last_ = Clock::now();
-  }
-
-  enum class Verdict
-  {
-    wait,
-    warn,
-    give_up
-  };
-
-  Verdict pause()
-  {
-    measure();
-    if (waited_ >= yield_until)
-      sleep();
-    else if (waited_ >= spin_until)
-      sched_yield();
-    if (stall_ > 0.0 && waited_ >= stall_)
-      return Verdict::give_up;
-    if (stall_ > 0.0 && waited_ >= 0.5 * stall_ && !warned_)
-    {
-      warned_ = true;
-      return Verdict::warn;
-    }
-    return Verdict::wait;
-  }
-
-  double waited() const { return waited_; }
-  bool long_wait() const { return waited_ > yield_until; }
-
-private:
-  static constexpr double spin_until = 200e-6;  // [s], about 500 to 2000 turns
-  static constexpr double yield_until = 500e-6; // [s]
-
-  void measure()
-  {
-    // A job that was suspended as a whole (SIGSTOP, scontrol suspend) must not wake up into a stall: one turn
-    // of the loop counts as a second at most.
-    const auto now = Clock::now();
-    waited_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
-    last_ = now;
-  }
-
-  void sleep() const
-  {
-    // Five per cent of the time waited so far: the delay stays small against the wait, and so does the CPU
-    // time.
-    const double seconds = std::clamp(0.05 * waited_, 25e-6, 1e-3);
-    const timespec duration{.tv_sec = 0, .tv_nsec = static_cast<long>(seconds * 1e9)};
-    nanosleep(&duration, nullptr);
-  }
-
-  double stall_;
-  double waited_ = 0.0;
-  bool warned_ = false;
-  Clock::time_point last_ = Clock::now();
-};
-
 } // namespace
 
 void require_mpi(int result, int exit_code, const char* doing)
@@ -135,27 +63,29 @@ Intercommunicators::~Intercommunicators()
     MPI_Comm_free(&comm);
 }
 
-void Intercommunicators::beat(MPI_Comm except, double period)
+void Intercommunicators::beat(const Path& except, double period)
 {
-  if (comms_.size() < 2)
+  if (paths_.size() < 2)
     return;
   const auto now = Clock::now();
   if (std::chrono::duration<double>(now - last_beat_).count() < period)
     return;
   last_beat_ = now;
-  for (const MPI_Comm comm : comms_)
-    if (comm != except)
+  for (const Path& path : paths_)
+    if (path != except)
     {
       MPI_Request request = MPI_REQUEST_NULL;
-      require_success(MPI_Isend(nullptr, 0, MPI_BYTE, 0, heartbeat_tag, comm, &request),
+      require_success(MPI_Isend(nullptr, 0, MPI_BYTE, path.rank, heartbeat_tag, path.comm, &request),
                       "sending a heartbeat");
       MPI_Request_free(&request); // no buffer, nothing to wait for
     }
 }
 
-MpiChannel::MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm, double stall_seconds)
-    : owner_(std::move(owner)), comm_(comm), stall_(stall_seconds)
+MpiChannel::MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm, int rank,
+                       double stall_seconds)
+    : owner_(std::move(owner)), path_{comm, rank}, stall_(stall_seconds)
 {
+  owner_->open(path_);
   // The kernel rounds sleeps up by 50 µs unless told otherwise; the back-off wants 20 µs.
   prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
   channels().push_back(this);
@@ -164,6 +94,7 @@ MpiChannel::MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm,
 MpiChannel::~MpiChannel()
 {
   std::erase(channels(), this);
+  owner_->close(path_);
   if (mpi_is_usable())
   {
     const auto limit = Clock::now() + std::chrono::seconds(1);
@@ -211,8 +142,8 @@ void MpiChannel::send(std::span<const std::byte> message)
     slot = outgoing_.insert(outgoing_.end(), std::make_unique<Outgoing>());
   Outgoing& out = **slot;
   out.bytes.assign(message.begin(), message.end());
-  require_success(MPI_Isend(out.bytes.data(), static_cast<int>(out.bytes.size()), MPI_BYTE, 0, message_tag,
-                            comm_, &out.request),
+  require_success(MPI_Isend(out.bytes.data(), static_cast<int>(out.bytes.size()), MPI_BYTE, path_.rank,
+                            message_tag, path_.comm, &out.request),
                   "sending");
 }
 
@@ -232,7 +163,7 @@ void MpiChannel::receive(std::vector<std::byte>& message)
       break;
     }
     if (stall_ > 0.0 && patience.long_wait())
-      owner_->beat(comm_, std::min(5.0, 0.2 * stall_));
+      owner_->beat(path_, std::min(5.0, 0.2 * stall_));
   };
 
   for (;;)
@@ -240,7 +171,8 @@ void MpiChannel::receive(std::vector<std::byte>& message)
     int found = 0;
     MPI_Message handle = MPI_MESSAGE_NULL;
     MPI_Status status;
-    require_success(MPI_Improbe(0, MPI_ANY_TAG, comm_, &found, &handle, &status), "waiting for a message");
+    require_success(MPI_Improbe(path_.rank, MPI_ANY_TAG, path_.comm, &found, &handle, &status),
+                    "waiting for a message");
     if (found == 0)
     {
       progress_sends();

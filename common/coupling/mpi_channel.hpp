@@ -1,4 +1,4 @@
-// A conversation over an MPI intercommunicator, rank 0 to rank 0.
+// A conversation over an MPI intercommunicator with one rank of the other program.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -33,11 +33,21 @@ public:
   Intercommunicators& operator=(const Intercommunicators&) = delete;
 
   void add(MPI_Comm comm) { comms_.push_back(comm); }
-  /// Sends a heartbeat over all but `except`, at most one per `period` seconds.
-  void beat(MPI_Comm except, double period);
+  /// The other end of a channel: a rank at the other side of a communicator.
+  struct Path
+  {
+    MPI_Comm comm;
+    int rank;
+    bool operator==(const Path&) const = default;
+  };
+  void open(const Path& path) { paths_.push_back(path); }
+  void close(const Path& path) { std::erase(paths_, path); }
+  /// Sends a heartbeat over all open paths but `except`, at most one per `period` seconds.
+  void beat(const Path& except, double period);
 
 private:
   std::vector<MPI_Comm> comms_;
+  std::vector<Path> paths_;
   std::chrono::steady_clock::time_point last_beat_{};
 };
 
@@ -47,8 +57,9 @@ class MpiChannel final : public Channel
 {
 public:
   /// @param comm     intercommunicator of `owner`; errors must be returned, not fatal
+  /// @param rank     of the other program
   /// @param stall_seconds  ≤ 0 waits for ever
-  MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm, double stall_seconds);
+  MpiChannel(std::shared_ptr<Intercommunicators> owner, MPI_Comm comm, int rank, double stall_seconds);
   /// Waits up to a second for sends in progress; buffers of unfinished ones are left to MPI.
   ~MpiChannel() override;
 
@@ -69,7 +80,7 @@ private:
   bool progress_sends();
 
   std::shared_ptr<Intercommunicators> owner_;
-  MPI_Comm comm_;
+  Intercommunicators::Path path_;
   double stall_;
   std::vector<std::unique_ptr<Outgoing>> outgoing_;
 };

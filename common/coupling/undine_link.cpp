@@ -5,11 +5,14 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/coupling/exit_codes.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/team.hpp"
+#include "common/coupling/wire.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <exception>
 #include <limits>
+#include <map>
 #include <memory>
 #include <new>
 #include <optional>
@@ -21,10 +24,17 @@ struct undine_link
 {
   std::string role;
   std::unique_ptr<undine::link::World> world;
-  std::optional<undine::link::SolverLink> conversation; ///< on rank 0 of the role
+  std::optional<undine::link::SolverLink> conversation; ///< on rank 0 of the role; distributed: on all
+  double stall_seconds = 0.0;
+  std::optional<undine::link::Team> team; ///< distributed
   undine::link::Setup setup;
   bool has_setup = false;
-  undine::link::SurfaceMesh surface;
+  undine::link::SurfaceMesh surface; ///< distributed: nodes of this rank
+  /// Distributed: faces of this rank by node_id, and the place in this rank's arrays of each row of its
+  /// vectors.
+  std::vector<std::int64_t> face_ids;
+  std::vector<std::size_t> place;
+  std::vector<double> rows, more_rows;
   undine::link::SurfaceMesh partner_surface;
   bool surface_was_sent = false;
   bool offers_checkpoints = false;
@@ -94,9 +104,48 @@ SolverLink& conversation(undine_link* link, const char* function)
   require(link != nullptr, std::string(function) + ": the link is NULL; undine_open first");
   require(link->conversation.has_value(), std::string(function) + " was called on another rank than 0 of '" +
                                               link->role +
-                                              "'; only rank 0 of undine_comm() talks to the coupler");
+                                              "'; only rank 0 of undine_comm() talks to the coupler, or all "
+                                              "after undine_distribute");
   return *link->conversation;
 }
+
+bool is_first(const undine_link& link) { return !link.team || link.team->rank() == 0; }
+
+/// What rank 0 gets by `receive`, on all ranks; so is its failure.
+template <class Receive, class Write, class Read>
+auto told(undine_link& link, Receive&& receive, Write&& write, Read&& read) -> decltype(receive())
+{
+  if (!link.team)
+    return receive();
+  std::vector<std::byte> bytes;
+  wire::Writer out(bytes);
+  if (link.team->rank() == 0)
+  {
+    std::optional<decltype(receive())> content;
+    try
+    {
+      content = receive();
+    }
+    catch (const ProtocolError& error)
+    {
+      out.i32(error.code());
+      out.string(error.what());
+      link.team->tell(std::move(bytes));
+      throw;
+    }
+    out.i32(UNDINE_OK);
+    write(out, *content);
+    link.team->tell(std::move(bytes));
+    return *content;
+  }
+  bytes = link.team->tell({});
+  wire::Reader in(bytes, "the word of rank 0");
+  if (const int code = in.i32("code"); code != UNDINE_OK)
+    throw ProtocolError(code, in.string("text"));
+  return read(std::span<const std::byte>(bytes).subspan(sizeof(std::int32_t)));
+}
+
+const auto write_content = [](wire::Writer& out, const auto& content) { wire::write(out, content); };
 
 /// Numbers in a vector of the wet surface.
 std::size_t vector_size(const undine_link& link)
@@ -108,6 +157,30 @@ std::span<const double> vector(const undine_link& link, const double* values, co
 {
   require(values != nullptr || vector_size(link) == 0, std::string(name) + " is NULL");
   return {values, vector_size(link)};
+}
+
+/// The rows of `values` in the order of the link's vectors; `room` is used if that is another.
+std::span<const double> in_link_order(const undine_link& link, const double* values, const char* name,
+                                      std::vector<double>& room)
+{
+  const auto given = vector(link, values, name);
+  if (!link.team)
+    return given;
+  const auto dim = static_cast<std::size_t>(link.surface.dim);
+  room.resize(given.size());
+  for (std::size_t k = 0; k < link.place.size(); ++k)
+    std::copy_n(given.begin() + static_cast<std::ptrdiff_t>(link.place[k] * dim), dim,
+                room.begin() + static_cast<std::ptrdiff_t>(k * dim));
+  return room;
+}
+
+/// The way back.
+void in_given_order(const undine_link& link, std::span<const double> rows, std::span<double> values)
+{
+  const auto dim = static_cast<std::size_t>(link.surface.dim);
+  for (std::size_t k = 0; k < values.size() / dim; ++k)
+    std::copy_n(rows.begin() + static_cast<std::ptrdiff_t>(k * dim), dim,
+                values.begin() + static_cast<std::ptrdiff_t>((link.team ? link.place[k] : k) * dim));
 }
 
 std::span<double> vector(const undine_link& link, double* values, const char* name)
@@ -134,6 +207,142 @@ void begin_surface(undine_link& link, int64_t n, const int64_t* node_id, const d
   surface.x.assign(x, x + count * dim);
   surface.inverse_mass.assign(count * dim * dim, 0.0);
   link.surface = std::move(surface);
+  link.face_ids.clear();
+  if (!link.team)
+    return;
+  require(node_id != nullptr || n == 0, "node_id is NULL: after undine_distribute nodes have global numbers");
+  link.place.resize(count);
+  for (std::size_t k = 0; k < count; ++k)
+    link.place[k] = k;
+  std::sort(link.place.begin(), link.place.end(),
+            [node_id](std::size_t a, std::size_t b) { return node_id[a] < node_id[b]; });
+}
+
+/// Index of an interface of the set-up. @throws ProtocolError(1)
+std::int32_t interface_index(const undine_link& link, const char* name, const char* function)
+{
+  const auto& names = link.surface.interfaces;
+  const auto found = std::find(names.begin(), names.end(), name);
+  std::string known;
+  for (const auto& one : names)
+    known += (known.empty() ? "" : ", ") + one;
+  require(found != names.end(),
+          std::string(function) + ": the case has no interface '" + name + "'; it has: " + known);
+  return static_cast<std::int32_t>(found - names.begin());
+}
+
+void require_faces(const char* function, const char* interface_name, const void* nodes, int64_t n_faces,
+                   int32_t nodes_per_face)
+{
+  require(interface_name != nullptr && (nodes != nullptr || n_faces == 0),
+          std::string(function) + ": a pointer is NULL");
+  require(n_faces >= 0 && nodes_per_face >= 2 && nodes_per_face <= 4,
+          std::string(function) + ": " + std::to_string(n_faces) + " faces of " +
+              std::to_string(nodes_per_face) + " nodes");
+}
+
+/// Parts of all ranks as one surface: nodes by number, faces by interface and the numbers of their nodes,
+/// whoever gave them.
+SurfaceMesh joined(const undine_link& link, const std::vector<std::vector<std::byte>>& parts)
+{
+  struct Node
+  {
+    std::int32_t owner;
+    std::vector<double> x, inverse_mass;
+  };
+  std::map<std::int64_t, Node> nodes;
+  std::vector<std::pair<std::int32_t, std::vector<std::int64_t>>> faces;
+  const auto dim = static_cast<std::size_t>(link.setup.dim);
+  for (std::size_t rank = 0; rank < parts.size(); ++rank)
+  {
+    wire::Reader in(parts[rank], "the surface of rank " + std::to_string(rank));
+    const auto id = in.i64_list("node_id");
+    const auto x = in.f64_list("x"), W = in.f64_list("inverse_mass");
+    const auto offset = in.i32_list("face_offset"), interface = in.i32_list("face_interface");
+    const auto face_ids = in.i64_list("face_nodes");
+    for (std::size_t k = 0; k < id.size(); ++k)
+    {
+      const auto rows = [k](const std::vector<double>& all, std::size_t width)
+      {
+        return std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(k * width),
+                                   all.begin() + static_cast<std::ptrdiff_t>((k + 1) * width));
+      };
+      const auto [place, is_new] =
+          nodes.try_emplace(id[k], Node{static_cast<std::int32_t>(rank), rows(x, dim), rows(W, dim * dim)});
+      require(is_new, "undine_send_surface: node " + std::to_string(id[k]) + " was given by rank " +
+                          std::to_string(place->second.owner) + " and by rank " + std::to_string(rank) +
+                          "; each node belongs to one rank");
+    }
+    for (std::size_t f = 0; f + 1 < offset.size(); ++f)
+      faces.emplace_back(interface[f], std::vector<std::int64_t>(face_ids.begin() + offset[f],
+                                                                 face_ids.begin() + offset[f + 1]));
+  }
+  std::sort(faces.begin(), faces.end());
+
+  SurfaceMesh all;
+  all.dim = link.surface.dim;
+  all.epoch = link.surface.epoch;
+  all.interfaces = link.surface.interfaces;
+  std::map<std::int64_t, std::int32_t> position;
+  for (const auto& [id, node] : nodes)
+  {
+    position.emplace(id, static_cast<std::int32_t>(all.node_id.size()));
+    all.node_id.push_back(id);
+    all.x.insert(all.x.end(), node.x.begin(), node.x.end());
+    all.inverse_mass.insert(all.inverse_mass.end(), node.inverse_mass.begin(), node.inverse_mass.end());
+    all.owner.push_back(node.owner);
+  }
+  for (const auto& [interface, ids] : faces)
+  {
+    for (const std::int64_t id : ids)
+    {
+      const auto found = position.find(id);
+      require(found != position.end(), "undine_send_surface: a face has node " + std::to_string(id) +
+                                           ", which no rank has given by undine_set_nodes");
+      all.face_nodes.push_back(found->second);
+    }
+    all.face_offset.push_back(static_cast<std::int32_t>(all.face_nodes.size()));
+    all.face_interface.push_back(interface);
+  }
+  if (std::all_of(all.owner.begin(), all.owner.end(), [](std::int32_t r) { return r == 0; }))
+    all.owner.clear();
+  return all;
+}
+
+void send_joined_surface(undine_link& link)
+{
+  std::vector<std::byte> mine;
+  wire::Writer out(mine);
+  out.list<std::int64_t>(link.surface.node_id);
+  out.list<double>(link.surface.x);
+  out.list<double>(link.surface.inverse_mass);
+  out.list<std::int32_t>(link.surface.face_offset);
+  out.list<std::int32_t>(link.surface.face_interface);
+  out.list<std::int64_t>(link.face_ids);
+  const auto parts = link.team->collect(mine);
+  const auto send = [&link](const SurfaceMesh& surface)
+  {
+    if (link.surface_was_sent)
+      link.conversation->send_mesh_update(surface);
+    else
+      link.conversation->send_mesh(surface);
+  };
+  told(
+      link,
+      [&]
+      {
+        send(joined(link, parts));
+        return true;
+      },
+      [](wire::Writer&, bool) {}, [](std::span<const std::byte>) { return true; });
+  if (is_first(link))
+    return;
+  SurfaceMesh rows; // as much of it as the exchange of this rank's rows depends on
+  rows.dim = link.surface.dim;
+  rows.epoch = link.surface.epoch;
+  rows.node_id = link.surface.node_id;
+  rows.owner.assign(rows.node_id.size(), static_cast<std::int32_t>(link.team->rank()));
+  send(rows);
 }
 
 Report report_of(const undine_link& link, const undine_report& r)
@@ -152,6 +361,54 @@ Report report_of(const undine_link& link, const undine_report& r)
   return report;
 }
 
+/// The next order that concerns the solver, on all ranks.
+SolverLink::Order next_order(undine_link& link, SolverLink& talk)
+{
+  enum : std::uint8_t
+  {
+    end,
+    window,
+    checkpoint
+  };
+  const auto order = told(
+      link,
+      [&]
+      {
+        auto next = talk.next_order();
+        while (!link.offers_checkpoints && std::holds_alternative<CheckpointOrder>(next))
+        {
+          talk.send_checkpoint_done({.reason = "this solver writes no checkpoints"});
+          next = talk.next_order();
+        }
+        return next;
+      },
+      [](wire::Writer& out, const SolverLink::Order& next)
+      {
+        out.u8(static_cast<std::uint8_t>(next.index())); // the order of the variant's types is that above
+        if (const auto* w = std::get_if<Window>(&next))
+          wire::write(out, *w);
+        if (const auto* c = std::get_if<CheckpointOrder>(&next))
+          wire::write(out, *c);
+      },
+      [](std::span<const std::byte> bytes) -> SolverLink::Order
+      {
+        const auto kind = std::to_integer<std::uint8_t>(bytes[0]);
+        const wire::Reader in(bytes.subspan(1), "the order");
+        if (kind == window)
+          return wire::read_window(in);
+        if (kind == checkpoint)
+          return wire::read_checkpoint_order(in);
+        return {};
+      });
+  if (is_first(link))
+    return order;
+  if (const auto* next = std::get_if<Window>(&order))
+    talk.hear(*next);
+  else if (std::holds_alternative<std::monostate>(order))
+    talk.hear_end();
+  return order;
+}
+
 /// Hand-shake of either level.
 int open_link(undine_link** link, const char* role, const char* solver, std::uint64_t capabilities,
               double hello_seconds, double stall_seconds)
@@ -159,20 +416,23 @@ int open_link(undine_link** link, const char* role, const char* solver, std::uin
   if (link == nullptr)
     return fail(nullptr, code::internal_error, "undine_open: link is NULL");
   *link = nullptr;
-  return guarded(
-      nullptr,
-      [&]
-      {
-        require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
-        auto opened = std::make_unique<undine_link>();
-        opened->role = role;
-        opened->world = std::make_unique<World>(World::connect(
-            {.role = role, .solver = solver, .partners = {"coupler"}, .capabilities = capabilities},
-            {.hello = hello_seconds, .stall = stall_seconds}));
-        if (auto channel = opened->world->channel("coupler"))
-          opened->conversation.emplace(std::move(channel));
-        *link = opened.release();
-      });
+  return guarded(nullptr,
+                 [&]
+                 {
+                   require(role != nullptr && solver != nullptr, "undine_open: role or solver is NULL");
+                   auto opened = std::make_unique<undine_link>();
+                   opened->role = role;
+                   opened->world = std::make_unique<World>(
+                       World::connect({.role = role,
+                                       .solver = solver,
+                                       .partners = {"coupler"},
+                                       .capabilities = capabilities | capability::distributed},
+                                      {.hello = hello_seconds, .stall = stall_seconds}));
+                   opened->stall_seconds = stall_seconds;
+                   if (auto channel = opened->world->channel("coupler"))
+                     opened->conversation.emplace(std::move(channel));
+                   *link = opened.release();
+                 });
 }
 
 } // namespace
@@ -217,6 +477,25 @@ extern "C"
                      stall_seconds);
   }
 
+  int undine_distribute(undine_link* link)
+  {
+    return guarded(link,
+                   [&]
+                   {
+                     require(link != nullptr, "undine_distribute: the link is NULL; undine_open first");
+                     require(!link->has_setup && !link->team,
+                             "undine_distribute comes once, before undine_receive_setup");
+                     if ((link->world->capabilities_of("coupler") & capability::distributed) == 0)
+                       throw ProtocolError(code::missing_role,
+                                           "this coupler (" + link->world->solver_of("coupler") +
+                                               ") takes all rows of a surface from rank 0 (it does not offer "
+                                               "DISTRIBUTED); gather them there");
+                     link->team.emplace(link->world->comm(), 2.0 * link->stall_seconds);
+                     if (!link->conversation)
+                       link->conversation.emplace(link->world->path("coupler", 0), link->team->rank());
+                   });
+  }
+
   MPI_Comm undine_comm(const undine_link* link)
   {
     return link != nullptr ? link->world->comm() : MPI_COMM_NULL;
@@ -235,7 +514,12 @@ extern "C"
                    {
                      auto& talk = conversation(link, "undine_receive_setup");
                      require(setup != nullptr, "undine_receive_setup: setup is NULL");
-                     link->setup = talk.receive_setup();
+                     link->setup = told(
+                         *link, [&] { return talk.receive_setup(); }, write_content,
+                         [](std::span<const std::byte> bytes)
+                         { return wire::read_setup(wire::Reader(bytes, "SETUP")); });
+                     if (!is_first(*link))
+                       talk.hear(link->setup);
                      link->has_setup = true;
                      if (!link->setup.restart.empty() && !link->offers_checkpoints)
                        throw ProtocolError(code::bad_case, "the run continues from " + link->setup.restart +
@@ -268,7 +552,12 @@ extern "C"
                    {
                      auto& talk = conversation(link, "undine_receive_surface");
                      require(surface != nullptr, "undine_receive_surface: surface is NULL");
-                     link->partner_surface = talk.receive_surface();
+                     link->partner_surface = told(
+                         *link, [&] { return talk.receive_surface(); }, write_content,
+                         [](std::span<const std::byte> bytes)
+                         { return wire::read_surface_mesh(wire::Reader(bytes, "SURFACE")); });
+                     if (!is_first(*link))
+                       talk.hear(link->partner_surface);
                      const auto& s = link->partner_surface;
                      *surface = {.n_nodes = s.n_nodes(),
                                  .n_faces = s.n_faces(),
@@ -316,35 +605,51 @@ extern "C"
   int undine_add_faces(undine_link* link, const char* interface_name, int64_t n_faces, int32_t nodes_per_face,
                        const int32_t* face_nodes)
   {
+    return guarded(link,
+                   [&]
+                   {
+                     conversation(link, "undine_add_faces");
+                     require_faces("undine_add_faces", interface_name, face_nodes, n_faces, nodes_per_face);
+                     auto& surface = link->surface;
+                     const auto interface = interface_index(*link, interface_name, "undine_add_faces");
+                     const auto size =
+                         static_cast<std::size_t>(n_faces) * static_cast<std::size_t>(nodes_per_face);
+                     for (std::size_t k = 0; k < size; ++k)
+                       require(face_nodes[k] >= 0 && face_nodes[k] < surface.n_nodes(),
+                               "undine_add_faces: face_nodes[" + std::to_string(k) +
+                                   "] = " + std::to_string(face_nodes[k]) + " is no position in the " +
+                                   std::to_string(surface.n_nodes()) + " wet nodes");
+                     if (link->team)
+                       for (std::size_t k = 0; k < size; ++k)
+                         link->face_ids.push_back(surface.node_id[static_cast<std::size_t>(face_nodes[k])]);
+                     else
+                       surface.face_nodes.insert(surface.face_nodes.end(), face_nodes, face_nodes + size);
+                     for (int64_t f = 0; f < n_faces; ++f)
+                     {
+                       surface.face_offset.push_back(surface.face_offset.back() + nodes_per_face);
+                       surface.face_interface.push_back(interface);
+                     }
+                   });
+  }
+
+  int undine_add_faces_by_id(undine_link* link, const char* interface_name, int64_t n_faces,
+                             int32_t nodes_per_face, const int64_t* node_ids)
+  {
     return guarded(
         link,
         [&]
         {
-          conversation(link, "undine_add_faces");
-          require(interface_name != nullptr && (face_nodes != nullptr || n_faces == 0),
-                  "undine_add_faces: a pointer is NULL");
-          require(n_faces >= 0 && nodes_per_face >= 2 && nodes_per_face <= 4,
-                  "undine_add_faces: " + std::to_string(n_faces) + " faces of " +
-                      std::to_string(nodes_per_face) + " nodes");
-          auto& surface = link->surface;
-          const auto& names = surface.interfaces;
-          const auto found = std::find(names.begin(), names.end(), interface_name);
-          std::string known;
-          for (const auto& name : names)
-            known += (known.empty() ? "" : ", ") + name;
-          require(found != names.end(), std::string("undine_add_faces: the case has no interface '") +
-                                            interface_name + "'; it has: " + known);
-          const auto size = static_cast<std::size_t>(n_faces) * static_cast<std::size_t>(nodes_per_face);
-          for (std::size_t k = 0; k < size; ++k)
-            require(face_nodes[k] >= 0 && face_nodes[k] < surface.n_nodes(),
-                    "undine_add_faces: face_nodes[" + std::to_string(k) +
-                        "] = " + std::to_string(face_nodes[k]) + " is no position in the " +
-                        std::to_string(surface.n_nodes()) + " wet nodes");
-          surface.face_nodes.insert(surface.face_nodes.end(), face_nodes, face_nodes + size);
+          conversation(link, "undine_add_faces_by_id");
+          require(link->team.has_value(),
+                  "undine_add_faces_by_id is for ranks after undine_distribute; undine_add_faces "
+                  "takes positions");
+          require_faces("undine_add_faces_by_id", interface_name, node_ids, n_faces, nodes_per_face);
+          const auto interface = interface_index(*link, interface_name, "undine_add_faces_by_id");
+          link->face_ids.insert(link->face_ids.end(), node_ids, node_ids + n_faces * nodes_per_face);
           for (int64_t f = 0; f < n_faces; ++f)
           {
-            surface.face_offset.push_back(surface.face_offset.back() + nodes_per_face);
-            surface.face_interface.push_back(static_cast<int32_t>(found - names.begin()));
+            link->surface.face_offset.push_back(link->surface.face_offset.back() + nodes_per_face);
+            link->surface.face_interface.push_back(interface);
           }
         });
   }
@@ -355,7 +660,9 @@ extern "C"
                    [&]
                    {
                      auto& talk = conversation(link, "undine_send_surface");
-                     if (link->surface_was_sent)
+                     if (link->team)
+                       send_joined_surface(*link);
+                     else if (link->surface_was_sent)
                        talk.send_mesh_update(link->surface);
                      else
                        talk.send_mesh(link->surface);
@@ -408,44 +715,40 @@ extern "C"
                        done.files = {file_name};
                      else
                        done.reason = reason != nullptr ? reason : "no reason given";
-                     conversation(link, "undine_checkpoint_done").send_checkpoint_done(done);
+                     auto& talk = conversation(link, "undine_checkpoint_done");
+                     if (is_first(*link))
+                       talk.send_checkpoint_done(done);
                    });
   }
 
   int undine_next_window(undine_link* link, undine_window* window)
   {
     int ended = UNDINE_OK;
-    const int code =
-        guarded(link,
-                [&]
-                {
-                  auto& talk = conversation(link, "undine_next_window");
-                  require(window != nullptr, "undine_next_window: window is NULL");
-                  auto order = talk.next_order();
-                  while (!link->offers_checkpoints && std::holds_alternative<CheckpointOrder>(order))
-                  {
-                    talk.send_checkpoint_done({.reason = "this solver writes no checkpoints"});
-                    order = talk.next_order();
-                  }
-                  if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
-                  {
-                    link->checkpoint = *checkpoint;
-                    ended = UNDINE_CHECKPOINT;
-                    return;
-                  }
-                  const Window* next = std::get_if<Window>(&order);
-                  if (next == nullptr)
-                    ended = UNDINE_END;
-                  else
-                    *window = {.index = next->index,
-                               .steps = next->steps,
-                               .t_begin = next->t_begin,
-                               .t_end = next->t_end,
-                               .fine = next->fine,
-                               .activate = next->activate,
-                               .output = next->output,
-                               .last = next->last};
-                });
+    const int code = guarded(link,
+                             [&]
+                             {
+                               auto& talk = conversation(link, "undine_next_window");
+                               require(window != nullptr, "undine_next_window: window is NULL");
+                               const auto order = next_order(*link, talk);
+                               if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
+                               {
+                                 link->checkpoint = *checkpoint;
+                                 ended = UNDINE_CHECKPOINT;
+                                 return;
+                               }
+                               const Window* next = std::get_if<Window>(&order);
+                               if (next == nullptr)
+                                 ended = UNDINE_END;
+                               else
+                                 *window = {.index = next->index,
+                                            .steps = next->steps,
+                                            .t_begin = next->t_begin,
+                                            .t_end = next->t_end,
+                                            .fine = next->fine,
+                                            .activate = next->activate,
+                                            .output = next->output,
+                                            .last = next->last};
+                             });
     return code == UNDINE_OK ? ended : code;
   }
 
@@ -455,8 +758,8 @@ extern "C"
                    [&]
                    {
                      auto& talk = conversation(link, "undine_send_kinematics");
-                     const auto velocity = vector(*link, v, "v"),
-                                acceleration = vector(*link, a_free, "a_free");
+                     const auto velocity = in_link_order(*link, v, "v", link->rows),
+                                acceleration = in_link_order(*link, a_free, "a_free", link->more_rows);
                      talk.send_kinematics({.v = {velocity.begin(), velocity.end()},
                                            .a_free = {acceleration.begin(), acceleration.end()}});
                    });
@@ -471,8 +774,8 @@ extern "C"
                      const auto p = vector(*link, impulse, "impulse"),
                                 f = vector(*link, link_force, "link_force");
                      const Activation start = talk.receive_activation();
-                     std::copy(start.impulse.begin(), start.impulse.end(), p.begin());
-                     std::copy(start.link_force.begin(), start.link_force.end(), f.begin());
+                     in_given_order(*link, start.impulse, p);
+                     in_given_order(*link, start.link_force, f);
                    });
   }
 
@@ -482,7 +785,7 @@ extern "C"
                    [&]
                    {
                      auto& talk = conversation(link, "undine_send_free_velocity");
-                     talk.send_free_velocity(vector(*link, v_free, "v_free"));
+                     talk.send_free_velocity(in_link_order(*link, v_free, "v_free", link->rows));
                    });
   }
 
@@ -492,7 +795,12 @@ extern "C"
                    [&]
                    {
                      auto& talk = conversation(link, "undine_receive_link_force");
-                     talk.receive_link_force(vector(*link, link_force, "link_force"));
+                     const auto f = vector(*link, link_force, "link_force");
+                     if (!link->team)
+                       return talk.receive_link_force(f);
+                     link->rows.resize(f.size());
+                     talk.receive_link_force(link->rows);
+                     in_given_order(*link, link->rows, f);
                    });
   }
 
@@ -508,7 +816,8 @@ extern "C"
                    [&]
                    {
                      auto& talk = conversation(link, "undine_send_motion");
-                     const auto position = vector(*link, x, "x"), velocity = vector(*link, v, "v");
+                     const auto position = in_link_order(*link, x, "x", link->rows),
+                                velocity = in_link_order(*link, v, "v", link->more_rows);
                      talk.send_motion(
                          {.x = {position.begin(), position.end()}, .v = {velocity.begin(), velocity.end()}});
                    });
@@ -519,8 +828,9 @@ extern "C"
     return guarded(link,
                    [&]
                    {
-                     conversation(link, "undine_request_stop")
-                         .send_stop_request(reason != nullptr ? reason : "no reason given");
+                     auto& talk = conversation(link, "undine_request_stop");
+                     if (is_first(*link))
+                       talk.send_stop_request(reason != nullptr ? reason : "no reason given");
                    });
   }
 

@@ -60,6 +60,10 @@ module undine_link
     integer(c_int) function undine_send_surface(link) bind(c)
       import; type(c_ptr), value :: link
     end function
+    !> every rank has wet nodes of its own; see undine_link.h
+    integer(c_int) function undine_distribute(link) bind(c)
+      import; type(c_ptr), value :: link
+    end function
     integer(c_int) function undine_send_report(link, report) bind(c)
       import; type(c_ptr), value :: link; type(undine_report) :: report
     end function
@@ -138,6 +142,12 @@ module undine_link
       integer(c_int64_t), value :: n_faces; integer(c_int32_t), value :: nodes_per_face
       integer(c_int32_t) :: face_nodes(*)
     end function
+    integer(c_int) function c_undine_add_faces_by_id(link, name, n_faces, nodes_per_face, node_ids) &
+        bind(c, name="undine_add_faces_by_id")
+      import; type(c_ptr), value :: link; character(kind=c_char) :: name(*)
+      integer(c_int64_t), value :: n_faces; integer(c_int32_t), value :: nodes_per_face
+      integer(c_int64_t) :: node_ids(*)
+    end function
     integer(c_int) function c_undine_request_stop(link, reason) bind(c, name="undine_request_stop")
       import; type(c_ptr), value :: link; character(kind=c_char) :: reason(*)
     end function
@@ -204,6 +214,16 @@ contains
     integer(c_int32_t), intent(in) :: face_nodes(:, :)
     undine_add_faces = c_undine_add_faces(link, trim(interface_name)//c_null_char, size(face_nodes, 2, c_int64_t), &
                                           size(face_nodes, 1, c_int32_t), face_nodes)
+  end function
+
+  !> After undine_distribute; node_ids is (nodes_per_face, n_faces)
+  integer(c_int) function undine_add_faces_by_id(link, interface_name, node_ids)
+    type(c_ptr), intent(in) :: link
+    character(*), intent(in) :: interface_name
+    integer(c_int64_t), intent(in) :: node_ids(:, :)
+    undine_add_faces_by_id = c_undine_add_faces_by_id(link, trim(interface_name)//c_null_char, &
+                                                      size(node_ids, 2, c_int64_t), &
+                                                      size(node_ids, 1, c_int32_t), node_ids)
   end function
 
   integer(c_int) function undine_request_stop(link, reason)

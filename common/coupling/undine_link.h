@@ -33,7 +33,8 @@
  *   with the exchange in its middle, and never has `activate`:
  *     v += dt/2 a;  undine_exchange(link, v, f);  v += dt M^-1 f;  u += dt v;  a = M^-1 F(u);  v += dt/2 a;
  * - A parallel solver opens the link on all its ranks, uses undine_comm() wherever it would use MPI_COMM_WORLD, and
- *   calls everything else on rank 0 of undine_comm().
+ *   calls everything else on rank 0 of undine_comm(). Or it calls undine_distribute: then all ranks call everything, each
+ *   with the wet nodes of its own, and nothing is gathered.
  * - Null pointers and negative sizes are refused with code 1.
  */
 #ifndef UNDINE_LINK_H
@@ -129,6 +130,20 @@ int undine_open_force_in(undine_link** link, const char* role, const char* solve
 int undine_open_contact(undine_link** link, const char* role, const char* solver, double hello_seconds,
                         double stall_seconds);
 
+/* Optional, after undine_open..., before undine_receive_setup: from here on every rank has wet nodes of its own (or none)
+ * and exchanges their rows with the coupler directly. Collective over the ranks of this program, like, from here on,
+ *   undine_receive_setup, undine_receive_surface, undine_send_surface, undine_next_window:  rank 0 talks, all have its result,
+ *   and if it fails all return its code;
+ *   undine_send_report:  that of rank 0 is sent, its numbers are those of all ranks together; surface_changed is the same on all;
+ *   undine_send_kinematics, undine_receive_activation, undine_send_free_velocity, undine_receive_link_force, undine_exchange,
+ *   undine_send_motion:  with the rows of the rank's own nodes; a rank without nodes may pass NULL;
+ *   undine_checkpoint_done, undine_request_stop:  those of rank 0 count.
+ * undine_set_nodes and undine_add_faces... are not collective: each rank gives its own nodes, with node_id, every node on one
+ * rank only, and faces, every face on one rank only. The coupler sees the nodes in the order of node_id and the faces in that of
+ * their nodes, so that the number of ranks changes no bit of its answers.
+ * @returns 35 if the coupler does not offer DISTRIBUTED */
+int undine_distribute(undine_link* link);
+
 /* Communicator of the ranks of this program; belongs to the link. The second form is for Fortran and mpi4py. */
 MPI_Comm undine_comm(const undine_link* link);
 MPI_Fint undine_comm_f(const undine_link* link);
@@ -175,6 +190,9 @@ int undine_set_nodes_with_matrix(undine_link* link, int64_t n, const int64_t* no
  *                   the nodes run counterclockwise when seen from outside */
 int undine_add_faces(undine_link* link, const char* interface_name, int64_t n_faces, int32_t nodes_per_face,
                      const int32_t* face_nodes);
+/* After undine_distribute: the same by node_id, for faces that have nodes of other ranks. */
+int undine_add_faces_by_id(undine_link* link, const char* interface_name, int64_t n_faces, int32_t nodes_per_face,
+                           const int64_t* node_ids);
 /* First call: MESH, and waits for the answer; 4 if the coupler rejects the surface. Later: MESH_UPDATE, directly
  * after a report with surface_changed. */
 int undine_send_surface(undine_link* link);

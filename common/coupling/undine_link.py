@@ -104,6 +104,7 @@ def _load():
         "undine_comm_f": [h], "undine_receive_setup": [h, POINTER(Setup)],
         "undine_set_nodes": [h, c_int64, i64, d, d, i32], "undine_set_nodes_with_matrix": [h, c_int64, i64, d, d],
         "undine_add_faces": [h, c_char_p, c_int64, c_int32, i32], "undine_send_surface": [h],
+        "undine_distribute": [h], "undine_add_faces_by_id": [h, c_char_p, c_int64, c_int32, i64],
         "undine_send_report": [h, POINTER(Report)], "undine_next_window": [h, POINTER(Window)],
         "undine_offer_checkpoints": [h], "undine_checkpoint_done": [h, c_char_p, c_char_p],
         "undine_send_kinematics": [h, d, d], "undine_receive_activation": [h, d, d],
@@ -148,11 +149,13 @@ def _check(code, handle):
 
 
 class Link:
-    """One conversation with the coupler, on rank 0 of `comm`; the other ranks only hold `comm`."""
+    """One conversation with the coupler, on rank 0 of `comm`; the other ranks only hold `comm`, or, with
+    distributed=True, all ranks take part, each with wet nodes of its own."""
 
-    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir="", force_in=False, contact=False):
+    def __init__(self, role, solver, hello_seconds=60.0, stall_seconds=300.0, out_dir="", force_in=False, contact=False,
+                 distributed=False):
         """force_in: level A, a code that takes forces; contact: it can exchange in the middle of its step where contact opens
-        and closes, see undine_open_contact."""
+        and closes, see undine_open_contact; distributed: all ranks make all calls, see undine_distribute."""
         from mpi4py import MPI  # calls MPI_Init
         self._handle, self._out_dir, self._shape = c_void_p(), out_dir, (0, 0)
         hand_shake = _lib.undine_open_force_in if force_in else _lib.undine_open_contact if contact else _lib.undine_open
@@ -161,6 +164,10 @@ class Link:
             self.abort(code, None)
         self.comm = MPI.Comm.f2py(_lib.undine_comm_f(self._handle))
         self.setup, self._write = None, None
+        if distributed:
+            code = _lib.undine_distribute(self._handle)
+            if code != 0:
+                self.abort(code, None)
 
     def __enter__(self):
         return self
@@ -232,6 +239,12 @@ class Link:
         faces = _array(face_nodes, np.int32)
         _check(_lib.undine_add_faces(self._handle, interface.encode(), faces.shape[0], faces.shape[1],
                                      _pointer(faces, c_int32)), self._handle)
+
+    def add_faces_by_id(self, interface, node_ids):
+        """Distributed: node_ids (n_faces, nodes_per_face), global numbers, for faces that have nodes of other ranks."""
+        faces = _array(node_ids, np.int64)
+        _check(_lib.undine_add_faces_by_id(self._handle, interface.encode(), faces.shape[0], faces.shape[1],
+                                           _pointer(faces, c_int64)), self._handle)
 
     def send_surface(self):
         """MESH (waits for the answer), later MESH_UPDATE."""

@@ -109,6 +109,14 @@ void require_pairs(const Reader& in, const SurfaceMesh& mesh)
                 "a position in 0.." + std::to_string(mesh.n_nodes() - 1) + ", two different ones per pair");
 }
 
+void require_owners(const Reader& in, const SurfaceMesh& mesh)
+{
+  require_size(in, "owner", mesh.owner.size(), mesh.node_id.size(), "nodes");
+  for (std::size_t i = 0; i < mesh.owner.size(); ++i)
+    if (mesh.owner[i] < 0)
+      in.reject(entry("owner", i), std::to_string(mesh.owner[i]), "a rank of the participant");
+}
+
 void require_unique_ids(const Reader& in, const SurfaceMesh& mesh)
 {
   std::vector<std::int64_t> ids = mesh.node_id;
@@ -379,10 +387,12 @@ void write(Writer& out, const SurfaceMesh& m)
   out.list<std::int32_t>(m.face_offset);
   out.list<std::int32_t>(m.face_nodes);
   out.list<std::int32_t>(m.face_interface);
-  if (m.coupled_nodes.empty()) // as version 1.0 had it
+  if (m.coupled_nodes.empty() && m.owner.empty()) // as version 1.0 had it
     return;
   out.list<std::int32_t>(m.coupled_nodes);
   out.list<double>(m.coupled_inverse_mass);
+  if (!m.owner.empty())
+    out.list<std::int32_t>(m.owner);
 }
 
 SurfaceMesh read_surface_mesh(Reader in)
@@ -403,7 +413,13 @@ SurfaceMesh read_surface_mesh(Reader in)
   {
     m.coupled_nodes = in.i32_list("coupled_nodes");
     m.coupled_inverse_mass = in.f64_list("coupled_inverse_mass");
-    if (m.coupled_nodes.empty()) // one way to say one thing
+    if (in.left() > 0)
+    {
+      m.owner = in.i32_list("owner");
+      if (m.owner.empty()) // one way to say one thing
+        in.reject("owner", "an empty list", "left out where all rows are rank 0's");
+    }
+    else if (m.coupled_nodes.empty())
       in.reject("coupled_nodes", "an empty list",
                 "left out with coupled_inverse_mass where no nodes are coupled");
   }
@@ -415,6 +431,8 @@ SurfaceMesh read_surface_mesh(Reader in)
   require_size(in, "inverse_mass", m.inverse_mass.size(), n * dim * dim, "nodes x dim x dim");
   require_faces(in, m);
   require_pairs(in, m);
+  if (!m.owner.empty())
+    require_owners(in, m);
   require_unique_ids(in, m);
   return m;
 }

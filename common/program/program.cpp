@@ -55,7 +55,8 @@ link::World Launch::meet(const std::vector<std::string>& partners) const
                                .case_hash = file.hash(),
                                .partners = partners,
                                .capabilities = link::capability::link | link::capability::contact |
-                                               link::capability::rewind | link::capability::flight},
+                                               link::capability::rewind | link::capability::flight |
+                                               link::capability::distributed},
                               {.hello = coupling.hello_timeout, .stall = coupling.stall_timeout});
 }
 

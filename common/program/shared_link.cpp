@@ -1,4 +1,4 @@
-// What rank 0 hears, told to the other ranks.
+// What rank 0 hears, told to the other ranks and their links.
 #include "common/program/shared_link.hpp"
 
 #include <utility>
@@ -31,7 +31,7 @@ std::string told(const Ranks& ranks, const std::string& text)
 
 link::Setup SharedLink::receive_setup()
 {
-  link::Setup setup = link_ ? link_->receive_setup() : link::Setup{};
+  link::Setup setup = is_first() ? link_->receive_setup() : link::Setup{};
   if (ranks_.alone())
     return setup;
   setup.dim = ranks_.of_first(std::vector{setup.dim}).front();
@@ -39,12 +39,14 @@ link::Setup SharedLink::receive_setup()
   setup.t_end = ranks_.of_first(std::vector{setup.t_end}).front();
   setup.scheme = told(ranks_, setup.scheme);
   setup.restart = told(ranks_, setup.restart);
+  if (link_ && !is_first())
+    link_->hear(setup);
   return setup;
 }
 
 link::SurfaceMesh SharedLink::receive_surface()
 {
-  link::SurfaceMesh surface = link_ ? link_->receive_surface() : link::SurfaceMesh{};
+  link::SurfaceMesh surface = is_first() ? link_->receive_surface() : link::SurfaceMesh{};
   if (ranks_.alone())
     return surface;
   surface.dim = ranks_.of_first(std::vector{surface.dim}).front();
@@ -52,6 +54,8 @@ link::SurfaceMesh SharedLink::receive_surface()
   const auto tell = [this](auto&... fields) { ((fields = ranks_.of_first(fields)), ...); };
   tell(surface.node_id, surface.x, surface.inverse_mass, surface.face_offset, surface.face_nodes,
        surface.face_interface, surface.coupled_nodes, surface.coupled_inverse_mass);
+  if (link_ && !is_first())
+    link_->hear(surface);
   return surface;
 }
 
@@ -59,7 +63,7 @@ std::optional<link::Window> SharedLink::next_window()
 {
   if (ranks_.alone())
     return link_->next_window();
-  if (link_)
+  if (is_first())
   {
     const auto window = link_->next_window(); // obeys orders for checkpoints meanwhile
     ranks_.of_first(
@@ -71,15 +75,25 @@ std::optional<link::Window> SharedLink::next_window()
     const Order order = ranks_.of_first(std::vector<Order>{}).front();
     if (order.kind == Order::checkpoint)
       write_({});
+    else if (order.kind == Order::window)
+    {
+      if (link_)
+        link_->hear(order.of_window);
+      return order.of_window;
+    }
     else
-      return order.kind == Order::window ? std::optional(order.of_window) : std::nullopt;
+    {
+      if (link_)
+        link_->hear_end();
+      return std::nullopt;
+    }
   }
 }
 
 void SharedLink::on_checkpoint(std::function<link::CheckpointDone(const link::CheckpointOrder&)> write)
 {
   write_ = std::move(write);
-  if (link_)
+  if (is_first())
     link_->on_checkpoint(
         [ranks = ranks_, write = write_](const link::CheckpointOrder& order)
         {
@@ -132,7 +146,7 @@ void SharedLink::send_free_velocity(std::span<const double> v_free)
 
 void SharedLink::send_stop_request(const std::string& reason)
 {
-  if (link_)
+  if (is_first())
     link_->send_stop_request(reason);
 }
 

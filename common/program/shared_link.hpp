@@ -12,16 +12,17 @@
 namespace undine
 {
 
-/// link::SolverLink for a program whose whole wet surface is on rank 0. What concerns all ranks (setup,
-/// surface of the partner, windows, checkpoints) reaches all: these functions are collective. What concerns
-/// the wet surface (meshes, velocities, forces, kinematics) is sent and received on rank 0; on the others
-/// these functions do nothing.
+/// link::SolverLink for a program on several ranks. What concerns all of them (setup, surface of the partner,
+/// windows, checkpoints) reaches all: these functions are collective. Vectors of the wet surface (velocities,
+/// forces, kinematics) are sent and received by every rank that has a link, for the rows that the mesh says
+/// are its own; on a rank without a link these functions do nothing. Reports and meshes are sent by rank 0,
+/// and the others with a link must call the same functions.
 class SharedLink
 {
 public:
   /// The only rank.
   SharedLink(link::SolverLink& link) : link_(&link) {}
-  /// `link`: that of rank 0; nullptr on the others.
+  /// `link`: of this rank; on others than 0 nullptr if they own no rows of any mesh.
   SharedLink(link::SolverLink* link, Ranks ranks) : link_(link), ranks_(std::move(ranks)) {}
 
   link::Setup receive_setup();
@@ -39,6 +40,8 @@ public:
   double wait_seconds() const { return link_ ? link_->wait_seconds() : 0.0; }
 
 private:
+  bool is_first() const { return ranks_.rank() == 0; } ///< the rank that talks of all but vectors
+
   link::SolverLink* link_ = nullptr;
   Ranks ranks_;
   std::function<link::CheckpointDone(const link::CheckpointOrder&)> write_;

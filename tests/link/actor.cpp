@@ -3,6 +3,7 @@
 #include "common/coupling/bootstrap.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/team.hpp"
 #include "common/coupling/wire.hpp"
 
 #include <mpi.h>
@@ -18,6 +19,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -177,27 +179,67 @@ void misbehave(const std::string& behave, SolverLink* link)
     }
 }
 
+/// The next window, told to all ranks if rows are `split` over them.
+std::optional<Window> next_window(SolverLink& link, bool split, MPI_Comm comm)
+{
+  if (!split)
+    return link.next_window();
+  int rank = 0;
+  MPI_Comm_rank(comm, &rank);
+  struct
+  {
+    Window window;
+    bool is_end = true;
+  } told;
+  if (rank == 0)
+    if (const auto window = link.next_window())
+      told = {*window, false};
+  MPI_Bcast(&told, int(sizeof told), MPI_BYTE, 0, comm);
+  if (rank > 0 && told.is_end)
+    link.hear_end();
+  else if (rank > 0)
+    link.hear(told.window);
+  return told.is_end ? std::nullopt : std::optional(told.window);
+}
+
+/// With --split=yes the rows of wet nodes belong to all ranks, in stretches that change hands with each new
+/// surface, and it is the last rank that misbehaves.
 void solve(const World& world, const Options& options)
 {
-  auto channel = world.channel("coupler");
+  const bool split = options.text("split", "no") == "yes";
+  int rank = 0, size = 1;
+  MPI_Comm_rank(world.comm(), &rank);
+  MPI_Comm_size(world.comm(), &size);
+  auto channel = split ? world.path("coupler", 0) : world.channel("coupler");
   if (!channel)
     return; // other ranks of a solver have nothing to do here
-  const std::string behave = options.text("behave", "well");
+  const std::string behave = split && rank + 1 < size ? "well" : options.text("behave", "well");
   const auto at = std::int64_t(options.number("at", 3));
   if (behave == "cut" || behave == "lost" || behave == "oversized")
     channel = std::make_unique<SpoilingChannel>(std::move(channel), behave, at);
-  SolverLink link(std::move(channel));
+  SolverLink link(std::move(channel), rank);
   try
   {
-    link.receive_setup();
+    if (rank == 0)
+      link.receive_setup();
+    else
+      link.hear(Setup{});
     const int n = int(options.number("nodes", 64));
     SurfaceMesh mesh = row_of_nodes(n);
+    std::vector<double> v, f;
+    const auto share_rows = [&]
+    {
+      mesh.owner.clear();
+      for (int i = 0; split && i < n; ++i)
+        mesh.owner.push_back((int(std::int64_t(i) * size / n) + int(mesh.epoch)) % size);
+      v.assign(mesh.rows_of(rank).size() * 2, 0.5);
+      f.resize(v.size());
+    };
+    share_rows();
     link.send_mesh(mesh);
-    std::vector<double> v(std::size_t(n) * 2, 0.5);
-    std::vector<double> f(v.size());
     Report report{.stable_dt = options.number("dt", 1e-3)};
     link.send_report(report);
-    while (const auto window = link.next_window())
+    while (const auto window = next_window(link, split, world.comm()))
     {
       if (window->activate)
       {
@@ -224,6 +266,7 @@ void solve(const World& world, const Options& options)
       if (report.surface_changed)
       {
         ++mesh.epoch;
+        share_rows();
         link.send_mesh_update(mesh);
       }
     }
@@ -240,8 +283,14 @@ void solve(const World& world, const Options& options)
 
 void couple(const World& world, const Options& options)
 {
-  PartnerLink fluid(world.channel("fluid"), "fluid");
-  PartnerLink solid(world.channel("solid"), "solid");
+  const Team team(world.comm(), 0.0);
+  if (team.rank() > 0)
+  {
+    team.tell({}); // comes at the end: other ranks have nothing to do here
+    return;
+  }
+  PartnerLink fluid(world.channel("fluid"), "fluid", [&](int rank) { return world.path("fluid", rank); });
+  PartnerLink solid(world.channel("solid"), "solid", [&](int rank) { return world.path("solid", rank); });
   const std::int64_t windows = std::int64_t(options.number("windows", 200));
   const std::int64_t m = std::int64_t(options.number("m", 5));
   const double dt = 1e-3;
@@ -292,6 +341,7 @@ void couple(const World& world, const Options& options)
   const double wall = seconds_since(start);
   fluid.send_bye();
   solid.send_bye();
+  team.tell({});
   std::printf("%lld windows with %lld exchanges each: %.1f us per exchange\n",
               static_cast<long long>(windows), static_cast<long long>(m + 1),
               1e6 * wall / double(windows * (m + 1)));
@@ -355,7 +405,8 @@ int main(int argc, char** argv)
                       .solver = options.text("solver", "actor 1"),
                       .dim = 2,
                       .case_hash = std::uint64_t(options.number("hash", 7)),
-                      .partners = {"coupler"}};
+                      .partners = {"coupler"},
+                      .capabilities = capability::link | capability::distributed};
     if (role == "coupler")
       identity.partners = {"fluid", "solid"};
     if (options.text("alone", "") == "yes")

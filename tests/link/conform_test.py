@@ -23,6 +23,8 @@ def command(client, build, out):
         "plate_c": ([], [build / "bin" / "plate_c", "case.toml", "--out", out], 0),
         "plate_fortran": ([], [build / "bin" / "plate_fortran", "case.toml", "--out", out], 0),
         "plate_python": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate.py", "case.toml", "--out", out], 0),
+        "plate_ranks": (["--ranks", "3"],
+                        ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate_ranks.py", "case.toml", "--out", out], 0),
         "plate_force": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "plate_force.py", "case.toml", "--out", out], 0),
         # its nodes do not move alone: the two rules that compare the answer to a nodal force with the node's mass
         "rigid_body": ([], ["/usr/bin/python3", ROOT / "cases" / "swap_plate" / "rigid_body.py", "case.toml", "--out", out], 2),
@@ -32,6 +34,8 @@ def command(client, build, out):
                      [build / "bin" / "solid_fe", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),
         "fluid_pfem": (["--role", "fluid", "--stall", "3"],
                        [build / "bin" / "fluid_pfem", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),
+        "solid_fe_ranks": (["--ranks", "2", "--stall", "3"],
+                           [build / "bin" / "solid_fe", column, "--out", out, *coarse, "--set", "coupling.stall_timeout=3"], 0),
         # answers to no force: the three rules of physics
         "actor": (["--interface", "line"], [build / "tests" / "link_actor", "--role=solid"], 3),
     }[client]

@@ -48,6 +48,13 @@ def coupled(*solid):
     return [COUPLER, FLUID, SOLID + list(solid)]
 
 
+def owners(*behaviour):
+    """The rows of the solid belong to its three ranks; the last one, world rank 4, misbehaves."""
+    return [COUPLER, FLUID, ["3", *SOLID, "--split=yes", *behaviour]]
+
+
+SILENT_OWNER = [r"error: 'solid rank 2' has sent nothing for 2(\.\d)? s\.  Last: FREE_VELOCITY #17 \(window 3, t = 0.0032 s\); "
+                r"expected FREE_VELOCITY of the participant \(window 3, exchange 2 of 5\)"]
 SILENT_SOLID = [r"error: 'solid' has sent nothing for 2(\.\d)? s\.  Last: FREE_VELOCITY #22 \(window 3, t = 0.0032 s\); "
                 r"expected FREE_VELOCITY of the participant \(window 3, exchange 2 of 5\)",
                 r"warning: 'solid' has sent nothing for 1(\.\d)? s"]
@@ -57,6 +64,21 @@ CASES = [
     Case("well", coupled(), (0,), 2, [r"200 windows with 6 exchanges each"]),
     Case("well, 2 + 2 ranks", [COUPLER, ["2", "--role=fluid"], ["2", "--role=solid"]], (0,), 3,
          [r"200 windows with 6 exchanges each"], short=True),
+    Case("well, coupler on 3 ranks", [["3", *COUPLER], FLUID, SOLID], (0,), 2, [r"200 windows with 6 exchanges each"]),
+    Case("rows of 3 ranks", owners(), (0,), 2, [r"200 windows with 6 exchanges each"], short=True),
+    Case("an owner slow but alive", owners("--behave=slow"), (0,), 2 * STALL, [r"200 windows"]),
+    Case("an owner killed", owners("--behave=killed"), (137,), 0, [r"rank 4 .*exited on signal 9"]),
+    Case("an owner stuck in a loop", owners("--behave=loop"), (36,), STALL, SILENT_OWNER, {"code": "36", "program": '"coupler"', "time": "0.0032"}, short=True),
+    Case("an owner with SIGSTOP", owners("--behave=stopped"), (36,), STALL, SILENT_OWNER, {"code": "36"}),
+    Case("an owner leaves early", owners("--behave=return"), (40,), 0,
+         [r"error: 'solid rank 2' failed \(exit code 1\): it left in the middle of the conversation; next was LINK_FORCE"], {"code": "40"}),
+    Case("an owner reports failure", owners("--behave=fail"), (40,), 0, [r"error: 'solid rank 2' failed \(exit code 10\): element 17 is inverted"],
+         {"code": "40", "program": '"coupler"', "step": "120"}),
+    Case("NaN of an owner", owners("--behave=nan"), (37,), 0,
+         [r"error: FREE_VELOCITY #17 from 'solid rank 2': component 1 of node 2 of its own in the MESH is nan, expected a finite number"], {"code": "37"}),
+    Case("a lost message of an owner", owners("--behave=lost"), (37,), 0, [r"error: .*'solid rank 2'"], {"code": "37", "program": '"coupler"'}),
+    Case("coupler stuck, 3 owners", [COUPLER + ["--behave=loop"], FLUID, ["3", *SOLID, "--split=yes"]], (36,), STALL,
+         [r"error: 'coupler' has sent nothing for 2(\.\d)? s"], {"code": "36"}, witnesses=4),
     Case("well, coupler last", [SOLID, FLUID, COUPLER], (0,), 2, [r"200 windows with 6 exchanges each"]),
     Case("alone", [["2", "--role=fluid", "--alone=yes"]], (0,), 0, [r"fluid runs alone"]),
     Case("slow but alive", coupled("--behave=slow"), (0,), 2 * STALL, [r"200 windows"]),
@@ -114,7 +136,7 @@ CASES = [
          {"code": "35", "program": '"coupler"'}),
     Case("no coupler", [FLUID, SOLID], (35,), 0, [r"no program with role 'coupler' \(found: fluid x1, solid x1\)"],
          {"code": "35", "program": '"fluid"'}),
-    Case("two couplers", [["2", "--role=coupler"], FLUID, SOLID], (35,), 0, [r"role 'coupler' is taken by 2 processes"],
+    Case("two couplers", [COUPLER, FLUID, SOLID, COUPLER + ["--solver=another 2"]], (35,), 0, [r"role 'coupler' is doubled"],
          {"code": "35"}, short=True),
     Case("two solids", [COUPLER, FLUID, SOLID, SOLID + ["--solver=another 2"]], (35,), 0, [r"role 'solid' is"], {"code": "35"}),
     Case("started alone", [SOLID], (35,), 0, [r"no program with role 'coupler' \(found: solid x1\)", r"started alone"],

@@ -47,11 +47,13 @@ def messages():
             + array("d", [1.0, 0.0, 0.0, 1.0, 2.0, 0.5, 0.5, 2.0, 0.0, 0.0, 0.0, 4.0])
             + array("i", [0, 2, 4]) + array("i", [0, 1, 1, 2]) + array("i", [0, 1]))
     thin_wall = mesh + array("i", [0, 2]) + array("d", [0.5, 0.25, -0.25, 0.125])  # nodes that move each other
+    several_ranks = mesh + array("i", []) + array("d", []) + array("i", [1, 0, 2])  # who sends and receives each row
     vector = struct.pack("<6d", 0.0, -1.0, 2.5, 1e-300, 1e300, -0.0)
     return {
         "setup": message(1, struct.pack("<idd", 2, 0.5, 1.5) + string("gc") + strings(["gate", "bed"]) + string("")),
         "mesh": message(2, mesh),
         "mesh_of_a_thin_wall": message(2, thin_wall),
+        "mesh_of_several_ranks": message(2, several_ranks),
         "mesh_reply": message(3, struct.pack("<B", 0) + string("gap of 2 mm")),
         "ready": message(4, struct.pack("<9dqB", 1e-4, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1)),
         "window": message(5, struct.pack("<qddqBBBB", 41, 0.25, 0.5, 7, 1, 0, 1, 0)),

@@ -122,9 +122,11 @@ TEST_CASE("a solver of a coupled case that is started alone says how to start it
 TEST_CASE("a doubled role is refused", "[link][unit]")
 {
   World world = good_world();
-  world.push_back(hello("coupler", 4, {"fluid", "solid"}));
+  world.push_back(hello("coupler", 4, {"fluid", "solid"})); // its second rank
+  CHECK(judge_roles(world).code == 0);
+  world.back()->solver = "another coupler";
   CHECK(judge_roles(world).code == 35);
-  CHECK(mentions(as_error(judge_roles(world)), {"'coupler'", "2 processes"}));
+  CHECK(mentions(as_error(judge_roles(world)), {"role 'coupler' is doubled", "another coupler, rank 4"}));
 
   world = good_world();
   world.push_back(hello("solid", 4, {"coupler"}));

@@ -43,6 +43,14 @@ inline SurfaceMesh thin_wall()
   return wall;
 }
 
+/// Its rows belong to three ranks.
+inline SurfaceMesh of_several_ranks()
+{
+  SurfaceMesh m = mesh();
+  m.owner = {1, 0, 2};
+  return m;
+}
+
 inline wire::MeshReply mesh_reply() { return {.accepted = false, .reason = "gap of 2 mm"}; }
 
 inline Report report()

@@ -79,6 +79,12 @@ def plate(build, folder):
         expect_comparisons(summary, f"plate in {language}")
     for language, curve in curves.items():
         expect(distance(curve, curves["C"]), 1e-12, f"plate in {language} = plate in C")
+    for ranks in (2, 3):  # each rank talks of its own nodes; the same sums in the same order
+        curve, _ = run(build, "swap_plate", folder / f"ranks_{ranks}", "--until", "0.005", "--ranks", f"solid={ranks}",
+                       "--set", 'solid.program=["python3","plate_ranks.py"]')
+        whole = {name: column[:len(curve["t[s]"])] for name, column in curves["Python"].items()}
+        expect(float(np.max(np.abs(curve["u_y[m]"][:-1] - whole["u_y[m]"][:-1]))), 0.0,
+               f"plate in Python on {ranks} ranks = on one, to the bit (the last window is cut by the end of the run)")
 
 
     # --check starts all three for one window and lets the coupler integrate the interface

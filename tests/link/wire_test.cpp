@@ -121,6 +121,8 @@ TEST_CASE("every message has the bytes of the independent packer", "[link][unit]
   CHECK(hex(message_of(header(MessageType::setup), samples::setup())) == golden::setup);
   CHECK(hex(message_of(header(MessageType::mesh), samples::mesh())) == golden::mesh);
   CHECK(hex(message_of(header(MessageType::mesh), samples::thin_wall())) == golden::mesh_of_a_thin_wall);
+  CHECK(hex(message_of(header(MessageType::mesh), samples::of_several_ranks())) ==
+        golden::mesh_of_several_ranks);
   CHECK(hex(message_of(header(MessageType::surface), samples::mesh())) == golden::surface);
   CHECK(hex(message_of(header(MessageType::mesh_reply), samples::mesh_reply())) == golden::mesh_reply);
   CHECK(hex(message_of(header(ready), report())) == golden::ready);

@@ -42,9 +42,13 @@ void advance(Solid<dim>& solid, StepWatch<dim>& watch)
   if (solid.n_wet_nodes() == 0)
     return;
   std::vector<double> f_link;
-  for (index_t n = 0; n < solid.n_wet_nodes(); ++n)
-    for (int i = 0; i < dim; ++i)
-      f_link.push_back(std::sin(0.3 * n + i + 0.02 * static_cast<double>(solid.steps())));
+  solid.share().for_own(0, static_cast<std::size_t>(solid.n_wet_nodes()),
+                        [&](std::size_t n)
+                        {
+                          for (int i = 0; i < dim; ++i)
+                            f_link.push_back(std::sin(0.3 * static_cast<double>(n) + i +
+                                                      0.02 * static_cast<double>(solid.steps())));
+                        });
   solid.correct_with_link(f_link, dt);
 }
 
@@ -250,7 +254,7 @@ TEST_CASE("metal that flows has the bits of one rank", "[solid][ranks]")
   check_same_bits<3>(config, distorted_box<3>(ElementType::hexahedron8, 6), 60);
 }
 
-// Wet nodes are rank 0's, whatever they are many.
+// Wet nodes are where their elements are.
 TEST_CASE("a wet block has the bits of one rank", "[solid][ranks]")
 {
   auto config = loaded<2>("neo_hookean_ln");

@@ -166,12 +166,6 @@ class Failures(FailureTest):
         ended = programs.run(programs.coupled_line(programs.COLUMN, self.out, *DEADLINES, solid=future), MARGIN)
         self.expect(ended, MARGIN, (33,), ["error: 'solid' (future 2.0, rank 2", "speaks protocol 2.0, 'coupler'", "speaks 1.0"], program="coupler")
 
-    def test_two_ranks_of_the_coupler_are_refused(self):
-        line = [sys.executable, "-B", str(programs.ROOT / "scripts" / "run_case.py"), str(programs.COLUMN), "--build", str(programs.BUILD),
-                "--out", str(self.out), "--ranks", "coupler=2", *DEADLINES]
-        ended = programs.run(line, MARGIN)
-        self.expect(ended, MARGIN, (35,), ["the coupler is one process: put '-n 1 coupler' on the mpirun line once"], program="coupler")
-
 
 class ParaView(FailureTest):
     """What a run left that was killed, or whose disk was full, opens in ParaView (label validation)."""

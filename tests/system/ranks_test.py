@@ -25,7 +25,8 @@ MARGIN = 8   # for a machine on which others compute
 
 
 def line_of(case, out, ranks, *options, solid=1):
-    """mpirun line with the fluid on so many ranks, coupled where the case is; of a solid alone it is its number."""
+    """mpirun line with the fluid on so many ranks, coupled where the case is, then the coupler on as many as the solid; of a
+    solid alone it is its number."""
     common = [str(case), "--out", str(out), *options]
     fluid = ["-n", str(ranks), programs.program("fluid"), *common]
     text = case.read_text()
@@ -33,7 +34,7 @@ def line_of(case, out, ranks, *options, solid=1):
         return [*programs.MPIRUN, "-n", str(ranks), programs.program("solid"), *common]
     if "[coupling]" not in text and "[[interface]]" not in text:
         return [*programs.MPIRUN, *fluid]
-    return [*programs.MPIRUN, "-n", "1", programs.program("coupler"), *common, ":", *fluid, ":", "-n", str(solid), programs.program("solid"), *common]
+    return [*programs.MPIRUN, "-n", str(solid), programs.program("coupler"), *common, ":", *fluid, ":", "-n", str(solid), programs.program("solid"), *common]
 
 
 def checkpoints(out):
@@ -169,9 +170,25 @@ class Failures(RanksTest):
         self.assertIn("fluid", "\n".join(ended.errors()))
 
     def test_a_silent_rank_of_the_solid_ends_a_coupled_run(self):
-        ended = self.run_and_hit(self.gate, 1, 3, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001", solid=2, program="solid_fe")
+        ended = self.run_and_hit(self.gate, 1, 4, signal.SIGSTOP, "run.resolution=12", "output.history_every=0.0001", solid=2, program="solid_fe")
         self.assertEqual(ended.code, 36, ended.text)
         self.assertIn("solid", "\n".join(ended.errors()))
+
+    def test_a_stopped_helper_of_the_coupler_is_named(self):
+        """At the latest where the run ends: a helper that sleeps is not missed before."""
+        case = programs.ROOT / "cases" / "elastic_column" / "case.toml"
+        line = line_of(case, self.out, 1, *sets(f"coupling.stall_timeout={2 * STALL}", "run.t_end=0.02", "run.resolution=24"), solid=2)
+
+        def act(process):
+            while not (self.out / "history").is_dir():
+                time.sleep(0.02)
+            for pid, name in programs.descendants(process.pid).items():
+                if name == "coupler" and "OMPI_COMM_WORLD_RANK=1\0" in Path(f"/proc/{pid}/environ").read_text():
+                    os.kill(pid, signal.SIGSTOP)
+        ended = programs.run(line, STALL * 3 + MARGIN, act)
+        self.assertEqual(ended.code, 36, ended.text)
+        self.assertIn("rank 1 of this program has kept the others waiting for 2", ended.text)
+        self.assertEqual(ended.left, [], "processes outlive mpirun")
 
     def test_a_killed_or_silent_rank_of_a_solid_alone(self):
         for number, code in ((signal.SIGKILL, 137), (signal.SIGSTOP, 36)):

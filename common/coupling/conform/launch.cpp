@@ -133,11 +133,12 @@ int run_all(const Options& options, const char* self)
                                   "--folder",  folder.string(),
                                   "--role",    options.role,
                                   "--dim",     std::to_string(options.dim),
+                                  "--ranks",   std::to_string(options.ranks),
                                   "--limit",   std::to_string(options.limit),
                                   "--stall",   std::to_string(options.stall)};
     for (const auto& interface : options.interfaces)
       line.insert(line.end(), {"--interface", interface});
-    line.insert(line.end(), {":", "-n", "1"});
+    line.insert(line.end(), {":", "-n", std::to_string(options.ranks)});
     line.insert(line.end(), options.program.begin(), options.program.end());
 
     const auto findings = folder / "findings";

@@ -21,6 +21,7 @@ docs/protocol.md. Exit code: 0 all rules kept, 1 not all, 2 wrong use.
   --role NAME        part that the program plays (solid)
   --interface NAME   interface of the set-up (wet); repeat for several
   --dim N            2 or 3 (2)
+  --ranks N          ranks of the program (1); their rows are exchanged with them where MESH says so
   --limit S          seconds a run may take (20)
   --stall S          stall limit that the program was started with; without it the silent coupler is not played
   --only TEXT        only scripts whose name contains TEXT
@@ -79,6 +80,8 @@ int main(int argc, char** argv)
     }
     else if (word == "--dim")
       options.dim = std::atoi(value().c_str());
+    else if (word == "--ranks")
+      options.ranks = std::atoi(value().c_str());
     else if (word == "--limit")
       options.limit = std::atof(value().c_str());
     else if (word == "--stall")
@@ -96,6 +99,8 @@ int main(int argc, char** argv)
   }
   if (options.dim != 2 && options.dim != 3)
     refuse("--dim is 2 or 3");
+  if (options.ranks < 1)
+    refuse("--ranks is 1 or more");
   if (!script.empty())
     return play(script, options, argc, argv);
   if (options.program.empty())

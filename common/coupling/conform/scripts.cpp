@@ -187,14 +187,19 @@ void judge_hello(const Options& options, Findings& findings)
                       (hello.capabilities & capability::link ? " B" : "") +
                       (hello.capabilities & capability::contact ? ", contact" : "") +
                       (hello.capabilities & capability::rewind ? ", windows on trial" : "") +
-                      (hello.capabilities & capability::flight ? ", windows without exchange" : ""));
+                      (hello.capabilities & capability::flight ? ", windows without exchange" : "") +
+                      (hello.capabilities & capability::distributed ? ", rows of several ranks" : ""));
   findings.note("2.2",
                 hello.case_hash == 0 ? "HELLO: did not read the case (hash 0)" : "HELLO: read the case");
 }
 
 World meet(const Options& options)
 {
-  return World::connect({.role = "coupler", .solver = "undine-conform", .dim = 0, .partners = {options.role}},
+  return World::connect({.role = "coupler",
+                         .solver = "undine-conform",
+                         .dim = 0,
+                         .partners = {options.role},
+                         .capabilities = capability::distributed},
                         {.hello = options.limit, .stall = options.limit});
 }
 
@@ -244,11 +249,13 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
                                         .status = code::wrong_protocol,
                                         .text = "undine-conform refuses every hello of this script",
                                         .ranks = {}});
-      MPI_Send(roster.data(), static_cast<int>(roster.size()), MPI_BYTE, 1, 21002, MPI_COMM_WORLD);
+      for (int rank = 1; rank <= options.ranks; ++rank)
+        MPI_Send(roster.data(), static_cast<int>(roster.size()), MPI_BYTE, rank, 21002, MPI_COMM_WORLD);
       wait_for_the_end(options.limit);
     }
     const World world = meet(options);
     auto channel = world.channel(options.role);
+    const auto path = [&](int rank) { return world.path(options.role, rank); };
     options.force_in = (world.capabilities_of(options.role) & capability::link) == 0;
     const auto can = [&](std::uint64_t what) { return (world.capabilities_of(options.role) & what) != 0; };
     const bool in_contact = script == "contact" || script == "contact force";
@@ -260,7 +267,7 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
         (script == "trial" && !can(capability::rewind)))
     {
       std::ofstream(options.folder + "/" + not_applicable) << script;
-      PartnerLink link(std::move(channel), options.role);
+      PartnerLink link(std::move(channel), options.role, path);
       converse(link, options, {}, nullptr);
       MPI_Finalize();
       return 0;
@@ -271,7 +278,7 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
       {
         PartnerLink link(
             std::make_unique<TamperingChannel>(std::move(channel), wrong.type, wrong.which, wrong.tamper),
-            options.role);
+            options.role, path);
         try
         {
           converse(link, options, {}, nullptr);
@@ -283,7 +290,7 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
         wait_for_the_end(options.limit);
       }
 
-    PartnerLink link(std::move(channel), options.role);
+    PartnerLink link(std::move(channel), options.role, path);
     if (script == "unknown interface")
     {
       Setup setup = setup_of(options);

@@ -13,6 +13,7 @@ struct Options
   std::string role = "solid";
   std::vector<std::string> interfaces{"wet"};
   int dim = 2;
+  int ranks = 1;       ///< of the program under test
   double limit = 20.0; ///< one run [s]
   double stall = 0.0;  ///< stall limit of the program under test [s]; 0: unknown
   std::string only;

@@ -3,7 +3,8 @@
 //
 // First byte: which decoder. 0 to 11: a payload; what is accepted must be written back as the same bytes. 12
 // to 14: HELLO, ROSTER, a message with its header. 15: a conversation, a list of (type, length, payload)
-// sealed with right numbers and checksums.
+// sealed with right numbers and checksums. 16: the coupler's end of one, with a participant on several ranks:
+// u16 length of what rank 0 says, the same list, then what every other owner of rows says.
 #include "common/coupling/exit_codes.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
@@ -76,6 +77,8 @@ std::deque<Bytes> sealed_messages(std::span<const std::byte> bytes)
     const auto payload = bytes.subspan(3, length);
     if (type == MessageType::window && length >= sizeof window)
       std::memcpy(&window, payload.data(), sizeof window);
+    if (type == MessageType::kinematics) // of a participant, whose windows all begin with it
+      ++window;
     Bytes message;
     wire::begin(message);
     message.insert(message.end(), payload.begin(), payload.end());
@@ -121,10 +124,43 @@ void converse(std::deque<Bytes> messages)
   }
 }
 
+/// A coupler that gives back what comes, for three windows.
+void converse_as_coupler(std::span<const std::byte> bytes)
+{
+  if (bytes.size() < 2)
+    return;
+  const std::size_t first = std::min<std::size_t>(
+      static_cast<std::size_t>(bytes[0]) | static_cast<std::size_t>(bytes[1]) << 8, bytes.size() - 2);
+  const auto of_owners = bytes.subspan(2 + first);
+  PartnerLink link(std::make_unique<ScriptedChannel>(sealed_messages(bytes.subspan(2, first))), "solid",
+                   [of_owners](int)
+                   { return std::make_unique<ScriptedChannel>(sealed_messages(of_owners)); });
+  link.send_setup({.dim = 2, .t_begin = 0.0, .t_end = 3.0, .interfaces = {"a"}});
+  std::size_t size = link.receive_mesh().x.size();
+  link.accept_mesh();
+  bool changed = link.receive_report().surface_changed;
+  for (std::int64_t k = 0; k < 3; ++k)
+  {
+    if (changed)
+      size = link.receive_mesh_update().x.size();
+    const auto t = static_cast<double>(k);
+    link.send_window({.index = k, .t_begin = t, .t_end = t + 1.0, .fine = true, .activate = true});
+    const Kinematics state = link.receive_kinematics();
+    if (state.v.size() != size || state.a_free.size() != size)
+      broken("kinematics of another size were accepted");
+    link.send_activation({.impulse = state.v, .link_force = state.a_free});
+    std::vector<double> v(size);
+    link.receive_free_velocity(v);
+    link.send_link_force(v);
+    changed = link.receive_report().surface_changed;
+  }
+  link.send_bye();
+}
+
 void feed(std::uint8_t which, std::span<const std::byte> bytes)
 {
   const auto number = [](wire::Writer& out, const std::string& text) { out.string(text); };
-  switch (which % 16)
+  switch (which % 17)
   {
   case 0:
     return round_trip(bytes, wire::read_setup);
@@ -159,6 +195,8 @@ void feed(std::uint8_t which, std::span<const std::byte> bytes)
   case 14:
     wire::open(bytes, "fuzz", [] { return std::string("anything"); });
     return;
+  case 16:
+    return converse_as_coupler(bytes);
   default:
     return converse(sealed_messages(bytes));
   }

@@ -50,24 +50,51 @@ Input whole(std::uint8_t which, const char* hex)
   return input;
 }
 
+void add_message(Input& input, std::uint8_t type, const Input& bytes)
+{
+  input.push_back(type);
+  input.push_back(static_cast<std::uint8_t>(bytes.size() & 0xFF));
+  input.push_back(static_cast<std::uint8_t>(bytes.size() >> 8));
+  input.insert(input.end(), bytes.begin(), bytes.end());
+}
+
+Input body(const char* hex)
+{
+  Input bytes = from_hex(hex);
+  bytes.erase(bytes.begin(), bytes.begin() + 64);
+  return bytes;
+}
+
+/// What three owners of a row each say to the coupler in three windows.
+Input owners()
+{
+  Input ready = body(golden::ready), of_first, of_others;
+  ready.back() = 0; // the surface stays
+  add_message(of_first, 2, body(golden::mesh_of_several_ranks));
+  add_message(of_first, 4, ready);
+  for (int window = 0; window < 3; ++window)
+  {
+    for (Input* of_rank : {&of_first, &of_others})
+    {
+      add_message(*of_rank, 16, body(golden::kinematics));
+      add_message(*of_rank, 6, Input(2 * sizeof(double), 0));
+    }
+    add_message(of_first, 4, ready);
+  }
+  add_message(of_first, 13, {});
+  Input input{16, static_cast<std::uint8_t>(of_first.size() & 0xFF),
+              static_cast<std::uint8_t>(of_first.size() >> 8)};
+  input.insert(input.end(), of_first.begin(), of_first.end());
+  input.insert(input.end(), of_others.begin(), of_others.end());
+  return input;
+}
+
 /// SETUP, MESH_REPLY, CHECKPOINT, WINDOW and what it asks for, BYE as a conversation.
 /// @param bits  of the window: 1 fine, 2 trial, 4 flight
 Input conversation(std::uint8_t bits)
 {
   Input input{15};
-  const auto add = [&input](std::uint8_t type, const Input& bytes)
-  {
-    input.push_back(type);
-    input.push_back(static_cast<std::uint8_t>(bytes.size() & 0xFF));
-    input.push_back(static_cast<std::uint8_t>(bytes.size() >> 8));
-    input.insert(input.end(), bytes.begin(), bytes.end());
-  };
-  const auto body = [](const char* hex)
-  {
-    Input bytes = from_hex(hex);
-    bytes.erase(bytes.begin(), bytes.begin() + 64);
-    return bytes;
-  };
+  const auto add = [&input](std::uint8_t type, const Input& bytes) { add_message(input, type, bytes); };
   Input reply{1, 0, 0, 0, 0};
   Input window = body(golden::window);
   window[24] = 1; // one step,
@@ -93,6 +120,9 @@ std::vector<Input> seeds()
   using namespace golden;
   return {payload(0, setup),
           payload(1, mesh),
+          payload(1, mesh_of_a_thin_wall),
+          payload(1, mesh_of_several_ranks),
+          owners(),
           payload(2, motion),
           payload(3, mesh_reply),
           payload(4, ready),
