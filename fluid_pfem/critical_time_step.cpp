@@ -1,10 +1,12 @@
 // Infinity-norm bound of the acoustic operator.
 #include "fluid_pfem/critical_time_step.hpp"
 
+#include "common/lanes.hpp"
 #include "fluid_pfem/newtonian.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -16,6 +18,16 @@ namespace undine::fluid
 
 namespace
 {
+
+/// One closed ring of triangles.
+template <int dim>
+bool inner(std::span<const FanEntry<dim>> fan)
+{
+  bool joined = !fan.empty() && fan.back().opposite[1] == fan.front().opposite[0];
+  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
+    joined = joined && fan[k].opposite[1] == fan[k + 1].opposite[0];
+  return joined;
+}
 
 /// Row i of |B|, B_ij = ∂V_j/∂x_i = Σ_e V_e∇N_i/(dim+1) over the elements that i and j share.
 /// visit(j, |B_ij|, |B_ji|) for all neighbours j, then for i itself.
@@ -43,7 +55,7 @@ public:
         else
           return nodes.x[static_cast<std::size_t>(n)];
       };
-      if (inner(fan)) // triangles (i, n_k, n_k+1) all around
+      if (inner<2>(fan)) // triangles (i, n_k, n_k+1) all around
       {
         index_t before = fan.back().opposite[0];
         for (const auto& entry : fan)
@@ -119,18 +131,72 @@ public:
   }
 
 private:
-  /// One closed ring of triangles.
-  static bool inner(std::span<const FanEntry<dim>> fan)
-  {
-    bool joined = fan.back().opposite[1] == fan.front().opposite[0];
-    for (std::size_t k = 0; k + 1 < fan.size(); ++k)
-      joined = joined && fan[k].opposite[1] == fan[k + 1].opposite[0];
-    return joined;
-  }
-
   static constexpr double sixth = 1.0 / 6.0;
   std::vector<index_t> neighbour_;
   std::vector<std::array<Vec<dim>, 2>> value_;
+};
+
+/// Σ_j |B_ij| of inner nodes of the plane, eight at a time: with the neighbours n_k around the node in their
+/// order it is Σ_k |x(n_k+1) − x(n_k−1)|/6, and the same for i–j as for j–i.
+class EightRings
+{
+public:
+  static constexpr std::size_t most = 8; ///< neighbours
+
+  bool full() const { return count_ == Lanes::size; }
+  /// Add node i, if it is an inner one with few neighbours.
+  bool take(const FluidMesh<2>& mesh, const FluidNodes<2>& nodes, index_t i)
+  {
+    const auto fan = mesh.fan(i);
+    if (fan.size() > most || !inner<2>(fan))
+      return false;
+    const auto x = [&](std::size_t k)
+    { return nodes.x[static_cast<std::size_t>(fan[k].opposite[0])].c.data(); };
+    at_[0][count_] = x(fan.size() - 1);
+    for (std::size_t k = 0; k < fan.size(); ++k)
+      at_[k + 1][count_] = x(k);
+    for (std::size_t k = fan.size(); k <= most; ++k)
+      at_[k + 1][count_] = x(0);
+    neighbours_[count_] = static_cast<double>(fan.size());
+    largest_ = std::max(largest_, fan.size());
+    node_[count_++] = i;
+    return true;
+  }
+  /// visit(node, sum) for the nodes taken, which are then forgotten.
+  template <class Visit>
+  void sums(Visit&& visit)
+  {
+    if (count_ == 0)
+      return;
+    for (std::size_t l = count_; l < Lanes::size; ++l)
+    {
+      for (std::size_t k = 0; k < at_.size(); ++k)
+        at_[k][l] = at_[k][0];
+      neighbours_[l] = 0.0;
+    }
+    const Lanes neighbours = load_lanes(neighbours_, Lanes::size);
+    Lanes sum(0.0);
+    Vec<2, Lanes> before, here, next;
+    load_pairs(at_[0], before[0], before[1]);
+    load_pairs(at_[1], here[0], here[1]);
+    for (std::size_t k = 0; k < largest_; ++k)
+    {
+      load_pairs(at_[k + 2], next[0], next[1]);
+      sum += select(Lanes(static_cast<double>(k)) < neighbours, Lanes(1.0 / 6.0), Lanes(0.0)) *
+             sqrt(norm_squared(before - next));
+      before = here;
+      here = next;
+    }
+    for (std::size_t l = 0; l < count_; ++l)
+      visit(node_[l], sum[static_cast<int>(l)]);
+    count_ = largest_ = 0;
+  }
+
+private:
+  std::size_t count_ = 0, largest_ = 0;
+  std::array<const double * [Lanes::size], most + 2> at_;
+  double neighbours_[Lanes::size] = {};
+  std::array<index_t, Lanes::size> node_{};
 };
 
 /// Square of the highest frequency, bounded by [6] without damping [1/s²].
@@ -139,21 +205,40 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
                              double floor, const Team& team, Halo& halo, StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
-  // Column sums times the stiffness of their node.
-  std::vector<double>& stiffness = workspace.stiffness;
+  // Column sums, and these times the stiffness of their node.
+  std::vector<double>&stiffness = workspace.stiffness, &column = workspace.column;
   stiffness.resize(static_cast<std::size_t>(n_nodes));
+  column.resize(static_cast<std::size_t>(n_nodes));
+  constexpr bool by_rings = dim == 2 && !wraps;
+  constexpr double not_symmetric = -1.0; // rows of nodes on the boundary sum to something else
   team.each(
       [&](const Share& share)
       {
         RowOfB<dim, wraps> row;
-        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        const auto set = [&](index_t i, double sum)
         {
           const auto k = static_cast<std::size_t>(i);
-          double sum = 0.0;
-          row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
+          column[k] = sum;
           stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
                          std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
+        };
+        [[maybe_unused]] EightRings rings;
+        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        {
+          if constexpr (by_rings)
+            if (rings.take(mesh, nodes, i))
+            {
+              if (rings.full())
+                rings.sums(set);
+              continue;
+            }
+          double sum = 0.0;
+          row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
+          set(i, sum);
+          column[static_cast<std::size_t>(i)] = not_symmetric;
         }
+        if constexpr (by_rings)
+          rings.sums(set);
       });
   halo.update(stiffness);
   workspace.largest.assign(team.shares().size(), 0.0);
@@ -164,12 +249,22 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
         double largest = 0.0;
         for (index_t i = share.node_begin; i < share.node_end; ++i)
         {
+          const auto n = static_cast<std::size_t>(i);
+          if (column[n] >= 0.0) // its row sums to the same: is it worth a look?
+          {
+            double most = 0.0;
+            for (const auto& entry : mesh.fan(i))
+              most = std::max(most, stiffness[static_cast<std::size_t>(entry.opposite[0])]);
+            constexpr double beyond_rounding = 1.0 + 1e-12;
+            if (column[n] * most * beyond_rounding < largest * nodes.inertia[n])
+              continue;
+          }
           double sum = 0.0;
           row.for_each(mesh, nodes, i,
                        [&](index_t j, double B_ij, double)
                        { sum += B_ij * stiffness[static_cast<std::size_t>(j)]; });
           if (sum > 0.0)
-            largest = std::max(largest, sum / nodes.inertia[static_cast<std::size_t>(i)]);
+            largest = std::max(largest, sum / nodes.inertia[n]);
         }
         workspace.largest[team.number(share)] = largest;
       });

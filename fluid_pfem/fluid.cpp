@@ -107,6 +107,7 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks)
   }
   openings_.drive(nodes_, 0.0);
   inside_ = std::move(inside);
+  seeds = {}; // nobody needs them while the mesh is made
   triangulate();
 }
 

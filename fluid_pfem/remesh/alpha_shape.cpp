@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace undine::fluid
 {
@@ -112,7 +113,7 @@ double largest_radius(const ShapeRules& rules)
 template <int dim>
 ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
-                              const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
+                              std::vector<Simplex<dim>> delaunay, std::span<const Vec<dim>> old_x,
                               std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules,
                               const Ranks& ranks)
 {
@@ -182,13 +183,15 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     const double V = std::abs(signed_volume<dim, double>(corner));
     (fluid ? choice.created : choice.dropped).add(V);
   }
-  choice.elements.reserve(delaunay.size());
-  for (std::size_t s = 0; s < delaunay.size(); ++s)
-    if (is_fluid[s])
-      choice.elements.push_back(delaunay[s]);
   for (const std::size_t s : gaps)
     if (!is_fluid[s])
       choice.gaps.push_back(delaunay[s]);
+  std::size_t kept = 0;
+  for (std::size_t s = 0; s < delaunay.size(); ++s)
+    if (is_fluid[s])
+      delaunay[kept++] = delaunay[s];
+  delaunay.resize(kept);
+  choice.elements = std::move(delaunay);
   return choice;
 }
 
@@ -199,10 +202,10 @@ template std::vector<Simplex<2>> alpha_shape<2>(std::span<const Vec<2>>, std::sp
 template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::span<const double>, double,
                                                 const std::vector<Simplex<3>>&, const Period<3>&);
 template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
-                                        const std::vector<Simplex<2>>&, std::span<const Vec<2>>,
+                                        std::vector<Simplex<2>>, std::span<const Vec<2>>,
                                         std::span<const Simplex<2>>, double, const ShapeRules&, const Ranks&);
 template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&,
-                                        const std::vector<Simplex<3>>&, std::span<const Vec<3>>,
+                                        std::vector<Simplex<3>>, std::span<const Vec<3>>,
                                         std::span<const Simplex<3>>, double, const ShapeRules&, const Ranks&);
 
 } // namespace undine::fluid

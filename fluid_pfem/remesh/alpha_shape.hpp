@@ -43,14 +43,15 @@ struct ShapeChoice
 };
 
 /// Hysteresis alpha shape: a simplex with a corner on the boundary is *old* if its centroid lies in the fluid
-/// before the remesh, the elements `old_elements` of all `ranks` at the positions `old_x`. Collective.
+/// before the remesh, the elements `old_elements` of all `ranks` at the positions `old_x`. What it
+/// chooses it leaves where `delaunay` is. Collective.
 /// @param flag NodeFlag of each node before the remesh
 /// @param wall_pieces for each node the wall pieces it lies on, −1 where fewer; a simplex on one piece only
 /// is no fluid
 template <int dim>
 ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
-                              const std::vector<Simplex<dim>>& delaunay, std::span<const Vec<dim>> old_x,
+                              std::vector<Simplex<dim>> delaunay, std::span<const Vec<dim>> old_x,
                               std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules,
                               const Ranks& ranks = {});
 

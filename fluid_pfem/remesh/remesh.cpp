@@ -322,13 +322,15 @@ void Fluid<dim>::triangulate()
   collect();
   nodes_.M = nodes_.m;
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), delaunay, nodes_.x, mesh_.elements,
-                                              config_.element_size, config_.remesh.shape);
+  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x,
+                                              mesh_.elements, config_.element_size, config_.remesh.shape);
   gaps_ = std::move(choice.gaps);
-  delaunay = std::vector<Simplex<dim>>(); // {} would keep its memory
-  const auto chosen = sorted_elements<dim>(std::move(choice.elements));
-  std::set_difference(chosen.begin(), chosen.end(), mesh_.elements.begin(), mesh_.elements.end(),
-                      std::back_inserter(gaps_));
+  std::erase_if(choice.elements,
+                [this](const Simplex<dim>& e) {
+                  return std::binary_search(mesh_.elements.begin(), mesh_.elements.end(), canonical<dim>(e));
+                });
+  const auto empty = sorted_elements<dim>(std::move(choice.elements));
+  gaps_.insert(gaps_.end(), empty.begin(), empty.end());
   find_ghosts(); // now with the gaps
   x_remesh_ = nodes_.x;
   collected_ = ranks().alone();
@@ -438,8 +440,17 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
-  const std::vector<Vec<dim>> v(nodes_.v.begin() + begin, nodes_.v.begin() + end),
-      a(nodes_.a.begin() + begin, nodes_.a.begin() + end);
+  const std::vector<Vec<dim>> v(nodes_.v.begin() + begin, nodes_.v.begin() + end);
+  // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
+  // it and that of the new mesh.
+  const auto each_pressed = [&](auto&& visit) // visit(node, part of its acceleration into walls)
+  {
+    for (index_t n = contact_.empty() ? end : std::max(n_wet_, begin); n < end; ++n)
+      if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
+        visit(i, contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], nodes_.a[i]));
+  };
+  std::vector<Vec<dim>> pressed;
+  each_pressed([&](std::size_t, const Vec<dim>& a) { pressed.push_back(a); });
   for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
   record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
@@ -457,17 +468,8 @@ void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
   find_impedance();
   let_waves_out(dt_before_, false);
   std::copy(v.begin(), v.end(), nodes_.v.begin() + begin);
-  // Of half a kick into a wall nothing will be left, but the residual of momentum sees the difference between
-  // it and that of the new mesh.
-  if (!contact_.empty())
-    for (index_t n = std::max(n_wet_, begin); n < end; ++n)
-      if (const auto i = static_cast<std::size_t>(n); nodes_.flag[i] & on_wall)
-      {
-        const auto push = [&](const Vec<dim>& kick)
-        { return contact_.into_walls(nodes_.x[i], on_wall_within * nodes_.h[i], kick); };
-        nodes_.v[i] +=
-            (0.5 * dt_before_) * (push(nodes_.a[i]) - push(a[i - static_cast<std::size_t>(begin)]));
-      }
+  each_pressed([&, k = std::size_t{0}](std::size_t i, const Vec<dim>& a) mutable
+               { nodes_.v[i] += (0.5 * dt_before_) * (a - pressed[k++]); });
   openings_.drive(nodes_, t_);
 
   f_link_.assign(static_cast<std::size_t>(n_wet_) * dim, 0.0);
