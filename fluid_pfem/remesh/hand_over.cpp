@@ -202,9 +202,6 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
         had[static_cast<std::size_t>(patch)].add(before.M[n], from_first(patches, patch, before.x[n]),
                                                  before.v[n]);
   keep_momenta(patches, had, v_half);
-  smooth_mass_defect(v_half);
-  for (const index_t n : constrained_)
-    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 }
 
 /// Volumes, densities and flags of the nodes of patches come from the ranks that have them. Collective.

@@ -179,7 +179,7 @@ void Fluid<dim>::remesh()
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing();
-  const Particles<dim> old{.M = nodes_.M, .x = nodes_.x, .v = std::move(v_half)};
+  Particles<dim> old{.M = nodes_.M, .x = nodes_.x, .v = std::move(v_half)};
   const std::vector<Vec<dim>>& old_x = old.x;
   if (!solid_.empty())
     cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
@@ -232,7 +232,7 @@ void Fluid<dim>::remesh()
   renumber(gaps_, deleted);
   renumber(gaps_, ordered);
   gaps_ = sorted_elements<dim>(std::move(gaps_));
-  const std::vector<double> V_before = nodes_.V;
+  std::vector<double> V_before = nodes_.V;
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements;
@@ -241,7 +241,14 @@ void Fluid<dim>::remesh()
   else
     old_elements.assign(own_elements().begin(), own_elements().end());
   finish_mesh(std::move(choice.elements));
-  hand_over_mass(changed_elements(std::move(old_elements), old_x, number), old, number, V_before, v_half);
+  const auto changed = changed_elements(std::move(old_elements), old_x, number);
+  hand_over_mass(changed, old, number, V_before, v_half);
+  old = {}; // here a remesh needs most memory
+  number = std::vector<index_t>();
+  V_before = std::vector<double>();
+  smooth_mass_defect(v_half);
+  for (const index_t n : constrained_)
+    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
