@@ -102,6 +102,11 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
   slid_.assign(x_.size(), 0.0);
   search_due_ = true;
   clearance_ = 0.0;
+  if (travel_of_step_ > 0.0)
+  {
+    find_candidates(0.0);
+    look_around();
+  }
   dv_fluid_.assign(x_.size(), {});
   find_held();
 }
@@ -529,6 +534,19 @@ void UnilateralContact<dim>::find_near()
                                  static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
 }
 
+/// How far both sides are from each other as they are.
+template <int dim>
+void UnilateralContact<dim>::look_around()
+{
+  if (!candidates_.empty())
+  {
+    after_.x() = before_.x();
+    x_end_ = x_;
+    find_near();
+  }
+  measure_clearance();
+}
+
 /// Nodes without candidates were further away than the reach at the last search.
 template <int dim>
 void UnilateralContact<dim>::measure_clearance()
@@ -566,13 +584,7 @@ void UnilateralContact<dim>::fly(double time, std::int64_t steps, const std::arr
       before_.x()[n][i] += time * v[Side::solid][n * dim + static_cast<std::size_t>(i)];
       solid_mesh_.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
     }
-  if (!candidates_.empty())
-  {
-    after_.x() = before_.x();
-    x_end_ = x_;
-    find_near();
-  }
-  measure_clearance();
+  look_around();
   balance_.velocity_jump = balance_.displacement_gap = 0.0;
 }
 

@@ -114,6 +114,7 @@ private:
   void find_candidates(double travel);
   double fastest_travel(double time, const std::array<std::vector<double>, 2>& v) const;
   void find_near();
+  void look_around();
   void measure_clearance();
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
   void find_faces(double dt, const std::array<std::vector<double>, 2>& v);

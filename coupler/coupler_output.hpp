@@ -3,6 +3,7 @@
 
 #include "common/config/run_config.hpp"
 #include "common/io/history.hpp"
+#include "common/time/row_times.hpp"
 #include "coupler/gauges.hpp"
 #include "coupler/run.hpp"
 
@@ -52,7 +53,7 @@ private:
   link::SurfaceMesh solid_at_start_;    ///< where they were placed
   bool on_terminal_;
   std::chrono::steady_clock::time_point begin_, last_progress_;
-  double next_row_ = 0.0;
+  RowTimes rows_;
 
   // for the summary
   double total_at_start_ = 0.0, largest_energy_ = 0.0, total_now_ = 0.0, t_ = 0.0;

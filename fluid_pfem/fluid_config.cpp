@@ -404,10 +404,15 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
     t.fail("width", fmt::format("the box would have {:.2g} nodes {:.3g} m apart, more than a machine can "
                                 "hold; are its sizes in metres? Else lower run.resolution",
                                 count, config.element_size));
-  config.seeding.pattern = t.choice({"seeding", "", "arrangement of the first nodes"}, "staggered",
-                                    {"staggered", "lattice"}) == "staggered"
-                               ? Pattern::staggered
-                               : Pattern::lattice;
+  const std::string pattern = t.choice(
+      {"seeding", "",
+       "arrangement of the first nodes: columns, every second one half a spacing higher (mirrored: an even "
+       "number of them, so that the left half of a plane box is the mirror image of the right one); or "
+       "rows and columns"},
+      "staggered", {"staggered", "mirrored", "lattice"});
+  config.seeding.pattern = pattern == "staggered"  ? Pattern::staggered
+                           : pattern == "mirrored" ? Pattern::mirrored
+                                                   : Pattern::lattice;
   config.seeding.jitter =
       t.number({"jitter", "", "random displacement of inner nodes at the start, fraction of the spacing"},
                0.0, between(0.0, 0.4));

@@ -58,6 +58,7 @@ struct Body
 enum class Pattern
 {
   staggered, ///< columns of equal spacing, every other one shifted by half: each element near-equilateral
+  mirrored,  ///< the same with an even number of columns: its left half is the mirror image of its right one
   lattice    ///< rows and columns
 };
 

@@ -68,19 +68,21 @@ void mark_surfaces(Seeds<dim>& seeds, const std::vector<PlaneSurface<dim>>& surf
 
 /// Nodes of spacing about `h` that fill the box, with nodes on all faces, edges and corners. The staggered
 /// pattern is mirror-symmetric about each of its node columns (2-D), so that a one-dimensional motion along
-/// the columns stays one-dimensional.
+/// the columns stays one-dimensional. The box as a whole is its own mirror image if there is one in its
+/// middle.
 /// @param period along axes where it is not 0 the nodes repeat themselves
 template <int dim>
 Seeds<dim> seed_box(const Vec<dim>& origin, const Vec<dim>& size, double h, const Seeding& seeding,
                     const Vec<dim>& period)
 {
-  const bool staggered = seeding.pattern == Pattern::staggered;
+  const bool staggered = seeding.pattern != Pattern::lattice;
   std::vector<Vec<dim>> x;
   if constexpr (dim == 2)
   {
     const bool repeats = period[0] > 0.0;
+    const bool even = seeding.pattern == Pattern::mirrored || (staggered && repeats);
     const double width = staggered ? h * std::sqrt(0.75) : h;
-    const int columns = repeats && staggered ? 2 * cells_of(size[0], 2.0 * width) : cells_of(size[0], width);
+    const int columns = even ? 2 * cells_of(size[0], 2.0 * width) : cells_of(size[0], width);
     for (int i = 0; i <= columns - repeats; ++i)
       for (const double y :
            line_of_nodes(origin[1], size[1], cells_of(size[1], h), staggered && i % 2 == 1, period[1] > 0.0))

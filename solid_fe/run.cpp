@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
+#include "common/time/row_times.hpp"
 #include "solid_fe/step_watch.hpp"
 
 #include <algorithm>
@@ -29,25 +30,25 @@ class Ledger
 {
 public:
   Ledger(const Energies& start, const RunTimes& times, SolidOutput<dim>* output)
-      : output_(output), interval_(times.history_interval), balance_at_start_(start.balance())
+      : output_(output), rows_(times.history_interval), balance_at_start_(start.balance())
   {
   }
 
-  /// Is a row due at the solid's time, to within half a step?
-  bool is_due(const Solid<dim>& solid, double dt) const { return solid.time() + 0.5 * dt >= next_; }
+  /// Is a row due after a step or window of length `dt` that ended at `t`?
+  bool is_due(double t, double dt) const { return rows_.due(t, dt); }
 
-  void record(const Solid<dim>& solid, const Energies& e)
+  void record(double t, const Solid<dim>& solid, const Energies& e)
   {
     imbalance_ = std::max(imbalance_, std::abs(e.balance() - balance_at_start_));
     scale_ = std::max({scale_, e.kinetic, e.strain, std::abs(e.external), std::abs(e.interface)});
     if (output_ != nullptr)
       output_->write_history(solid, e);
-    next_ = interval_ > 0.0 ? interval_ * (std::floor(solid.time() / interval_ + 0.5) + 1.0) : 0.0;
+    rows_.written(t);
   }
   void for_each_state(StateArchive& archive)
   {
     archive("balance_at_start", balance_at_start_);
-    archive("next", next_);
+    archive("rows", rows_);
     archive("imbalance", imbalance_);
     archive("scale", scale_);
   }
@@ -55,8 +56,9 @@ public:
 
 private:
   SolidOutput<dim>* output_;
-  double interval_, balance_at_start_;
-  double next_ = 0.0, imbalance_ = 0.0, scale_ = 0.0;
+  RowTimes rows_;
+  double balance_at_start_;
+  double imbalance_ = 0.0, scale_ = 0.0;
 };
 
 /// Frame times of a run on its own: multiples of the interval, and the end.
@@ -141,7 +143,7 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
     persistence.restore(state);
   else
   {
-    ledger.record(solid, solid.energies());
+    ledger.record(solid.time(), solid, solid.energies());
     if (output != nullptr)
       output->write_frame(solid);
     dt_wanted = watch.limit(solid);
@@ -173,8 +175,8 @@ RunResult run_alone(Solid<dim>& solid, const RunTimes& times, SolidOutput<dim>* 
       }
       solid.predict(dt);           // v ← v + Δt/2 a,  u ← u + Δt v
       solid.solve_free_motion(dt); // M a = F_ext − F_int(u),  v ← v + Δt/2 a
-      if (ledger.is_due(solid, dt) || (steps_left == 1 && t_due == times.t_end))
-        ledger.record(solid, solid.energies());
+      if (ledger.is_due(solid.time(), dt) || (steps_left == 1 && t_due == times.t_end))
+        ledger.record(solid.time(), solid, solid.energies());
       --steps_left;
       go_on = !progress || progress(solid.time(), solid.steps(), dt);
       result.stop_reason = persistence.after_step(solid.time(), solid.steps(), state);
@@ -237,7 +239,7 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
   Energies energies = solid.energies();
   if (!persistence.restarts())
   {
-    ledger.record(solid, energies);
+    ledger.record(setup.t_begin, solid, energies);
     if (output != nullptr)
       output->write_frame(solid);
   }
@@ -313,9 +315,11 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
       continue;
     }
     ++result.windows;
-    energies = solid.energies();
-    if (ledger.is_due(solid, window->t_end - window->t_begin) || window->last)
-      ledger.record(solid, energies);
+    const bool row = ledger.is_due(window->t_end, window->t_end - window->t_begin) || window->last;
+    if (!window->flight || row) // in flight nobody reads them between rows
+      energies = solid.energies();
+    if (row)
+      ledger.record(window->t_end, solid, energies);
     if (output != nullptr && (window->output || window->last))
       output->write_frame(solid);
     const bool go_on = !progress || progress(solid.time(), solid.steps(), dt);

@@ -52,6 +52,29 @@ SizeZone box_zone(std::array<double, 3> lower, std::array<double, 3> upper, doub
 
 } // namespace
 
+// Columns of nodes √3/2 spacings apart: 1/0.05/0.866 = 23.1 of them for the width of 1, so that the nearest
+// number is odd.
+TEST_CASE("a mirrored lattice is its own mirror image at any width", "[fluid][unit]")
+{
+  for (const double width : {0.95, 1.0, 1.03, 1.1})
+  {
+    FluidConfig config = undine::test::box_config<2>(0.05);
+    config.size[0] = width;
+    config.seeding.pattern = Pattern::mirrored;
+    const Fluid<2> fluid(config);
+    double farthest = 0.0;
+    for (const auto& x : fluid.nodes().x)
+    {
+      double nearest = 1.0;
+      for (const auto& y : fluid.nodes().x)
+        nearest = std::min(nearest, norm(y - Vec<2>{{width - x[0], x[1]}}));
+      farthest = std::max(farthest, nearest);
+    }
+    CAPTURE(width);
+    CHECK(farthest < 1e-12);
+  }
+}
+
 TEMPLATE_TEST_CASE_SIG("a graded box is filled with good elements of the wanted size", "[fluid][unit]",
                        ((int dim), dim), 2, 3)
 {

@@ -117,6 +117,10 @@ class Longer(RanksTest):
     def test_an_elastic_gate_in_contact(self):
         self.same("elastic_gate", (2, 3, 4, 8), 0.06, "run.resolution=20", solid=lambda n: min(n, 4))
 
+    def test_windows_on_trial(self):
+        """Both go back to the begin of a window on all their ranks."""
+        self.same("elastic_column", (2, 3), 0.01, "run.resolution=24", "coupling.form=macro_continuity", "coupling.substeps=10", solid=lambda n: n)
+
     def test_a_beam_in_water(self):
         self.same("beam_in_channel", (2,), 0.05, solid=lambda n: n)
 
