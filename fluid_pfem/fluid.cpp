@@ -83,7 +83,7 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks)
   nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
   nodes_.surface = std::move(seeds.surface);
-  update_spacing();
+  update_spacing({});
   std::iota(nodes_.id.begin(), nodes_.id.end(), global_index_t{0});
   next_id_ = static_cast<global_index_t>(n);
   nodes_.rho.assign(n, config.tait.rho0);
@@ -710,7 +710,6 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
       *sum = {};
   if (!contact_.empty())
     contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
-  find_ghosts();
 }
 
 template <int dim>

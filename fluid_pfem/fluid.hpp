@@ -11,11 +11,13 @@
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
 #include "fluid_pfem/remesh/local_delaunay.hpp"
+#include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/remesh/rigid_motion.hpp"
 #include "fluid_pfem/seeding.hpp"
 #include "fluid_pfem/solid_surface.hpp"
 #include "fluid_pfem/walls.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -72,10 +74,29 @@ struct Received
   double energy = 0.0; ///< kinetic [J]
 };
 
-/// Particles before a remesh.
+/// Nodes of which a rank has the right rows during a remesh.
+struct KnownNodes
+{
+  bool all = true;
+  std::vector<index_t> list; ///< in order, unless all
+
+  /// Of n nodes.
+  template <class Act>
+  void each(index_t n, Act&& act) const
+  {
+    if (!all)
+      return static_cast<void>(std::for_each(list.begin(), list.end(), act));
+    for (index_t k = 0; k < n; ++k)
+      act(k);
+  }
+  const std::vector<index_t>* among() const { return all ? nullptr : &list; }
+};
+
+/// Particles of a rank before a remesh, from the one of number `begin` on.
 template <int dim>
 struct Particles
 {
+  index_t begin = 0;
   std::vector<double> M;   ///< [kg]
   std::vector<Vec<dim>> x; ///< [m]
   std::vector<Vec<dim>> v; ///< of the half step [m/s]
@@ -94,10 +115,11 @@ struct Patches
 ///
 /// On several ranks each numbers all nodes and elements, but steps only its part: a range of nodes, which in
 /// the order of nodes are neighbours in space, and the elements that touch them. Rows of other nodes are
-/// right at its ghosts, those of other elements nowhere; everywhere after collect(). Before a remesh the
-/// state of all nodes is gathered; each rank chooses the elements of its nodes, passes on those that are now
-/// another's, and goes on with its part. Rank 0 has all wet nodes and their layer. Results have the bits that
-/// they have on one rank.
+/// right at its ghosts, those of other elements nowhere; everywhere after collect(). In a remesh a rank gets
+/// the rows of the nodes around its own, chooses the elements of its nodes, passes on what is now another's,
+/// and goes on with its part. All ranks know identifiers, places in the order, surfaces and, where it is one,
+/// the wanted spacing of all nodes. Rank 0 has all wet nodes and their layer. Results have the bits that they
+/// have on one rank.
 template <int dim>
 class Fluid
 {
@@ -205,30 +227,38 @@ private:
   std::array<std::size_t, 2> rows_to_sum(bool whole) const;
   std::vector<index_t> blocks_of_ranks() const;
   void push_off_walls(double dt);
-  std::vector<Vec<dim>> half_step_velocity() const;
+  void find_half_step_velocity();
   double energy_with(std::span<const Vec<dim>> v_half) const;
-  void update_spacing();
+  void update_spacing(const KnownNodes& known);
   void triangulate();
-  std::vector<Simplex<dim>> triangulation(std::span<const char> mine);
+  double halo_width() const;
+  KnownNodes look_around();
+  void follow_changes(const SpacingReport& spacing, KnownNodes& known) const;
+  void pass_rows(std::span<const index_t> held, std::vector<char>& moved);
+  std::vector<Simplex<dim>> triangulation(std::span<const char> mine, const KnownNodes& known);
   std::vector<char> part_of_rank(const SpacingReport& spacing) const;
   std::vector<Simplex<dim>> part_of_all(std::vector<Simplex<dim>> simplices) const;
-  void finish_mesh(std::vector<Simplex<dim>> elements);
+  void finish_mesh();
   void connect_mesh(std::vector<Simplex<dim>> elements);
   void share_elements(std::vector<Simplex<dim>> sorted);
   void gather_state();
   std::span<const Simplex<dim>> own_elements() const;
   void measure_quality();
   void choose_slow_axis();
+  bool rows_are_due() const { return ledger_.remeshes % 25 == 0; } ///< all are made anew in this remesh
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
   void flag_nodes();
-  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements);
-  std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const Vec<dim>> old_x,
+  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements, std::span<const char> mine);
+  std::vector<char> moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
+                                const SpacingReport& spacing) const;
+  std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const char> moved,
                                              std::span<const index_t> number) const;
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
                       std::span<const index_t> number, std::span<const double> V_before,
                       std::vector<Vec<dim>>& v_half);
-  void gather_volumes(const Patches& patches);
+  std::vector<double> gather_patches(const Patches& patches, std::span<const double> V_before,
+                                     std::span<Vec<dim>> v_half);
   Vec<dim> from_first(const Patches& patches, index_t patch, const Vec<dim>& x) const;
   std::vector<MassesInMotion<dim>> motion_of(const Patches& patches, std::span<const Vec<dim>> v_half) const;
   void keep_momenta(const Patches& patches, std::span<const MassesInMotion<dim>> had,
@@ -242,6 +272,12 @@ private:
   void take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
                  std::span<Vec<dim>> v_half, index_t begin);
   void smooth_mass_defect(std::vector<Vec<dim>>& v_half);
+  struct OnPieces
+  {
+    index_t node;
+    std::array<int, 3> pieces;
+  };
+  std::vector<OnPieces> nodes_on_walls() const;
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void kick(double dt, index_t begin, index_t end);
@@ -299,7 +335,9 @@ private:
   std::vector<index_t> constrained_;    ///< nodes on walls of the box
   std::vector<double> f_link_;          ///< last link force, n_wet × dim
   std::vector<float> quality_;          ///< of each element at the last remesh
-  std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh
+  std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh; during one, at its begin
+  double coarsest_ = 0.0;               ///< spacing wanted somewhere, at the last remesh [m]
+  std::vector<Vec<dim>> v_half_;        ///< velocities of the half step, during a remesh
   std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
   double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]

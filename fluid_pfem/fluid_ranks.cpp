@@ -2,7 +2,9 @@
 #include "fluid_pfem/fluid.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
+#include <tuple>
 
 namespace undine::fluid
 {
@@ -96,6 +98,8 @@ void Fluid<dim>::share_elements(std::vector<Simplex<dim>> sorted)
 template <int dim>
 std::span<const Simplex<dim>> Fluid<dim>::own_elements() const
 {
+  if (ranks().alone())
+    return mesh_.elements;
   return std::span(mesh_.elements)
       .subspan(static_cast<std::size_t>(team_.element_begin()),
                static_cast<std::size_t>(team_.element_end() - team_.element_begin()));
@@ -171,6 +175,180 @@ bool Fluid<dim>::any_rank(bool yes)
   return values[0] > 0.0;
 }
 
+/// Positions, velocities and flags of nodes of other ranks come here, as far as they lie within reach of what
+/// this rank decides in a remesh, with room for what the remesh moves. Where all nodes matter, or all are
+/// given new places in the order, all rows do. Collective.
+/// @returns the nodes whose rows are right here: for the others nothing but what all ranks know
+template <int dim>
+KnownNodes Fluid<dim>::look_around()
+{
+  if (ranks().alone() || collected_)
+    return {};
+  if (nodes_.period.any() || !solid_.empty() || rows_are_due())
+  {
+    gather_state();
+    return {};
+  }
+  any_rank(false);
+  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+  const auto begin = static_cast<std::size_t>(team_.node_begin()),
+             end = static_cast<std::size_t>(team_.node_end());
+  KnownNodes known{.all = false, .list = std::vector<index_t>(end - begin)};
+  std::iota(known.list.begin(), known.list.end(), team_.node_begin());
+  update_spacing(known);
+  double settled = 0.0; // largest distance that a node is taken out of walls
+  if (contact_.has_convex())
+  {
+    std::vector<Vec<dim>> x(nodes_.x.begin() + team_.node_begin(), nodes_.x.begin() + team_.node_end());
+    contact_.settle(x);
+    for (std::size_t k = 0; k < x.size(); ++k)
+      settled = std::max(settled, norm(x[k] - nodes_.x[begin + k]));
+    settled = ranks().max(settled);
+  }
+  const double reach = LocalDelaunay<dim>::spare * halo_width() + 2.0 * (coarsest_ + settled);
+
+  // Cells of half the reach: what is within reach of a node lies at most two cells off.
+  const double size = 0.5 * reach * (1.0 + 1e-9);
+  using Cell = std::array<std::int64_t, dim>;
+  struct Run // of consecutive nodes in one cell
+  {
+    Cell cell;
+    std::size_t begin, end;
+  };
+  std::vector<Run> runs;
+  for (std::size_t n = begin; n < end; ++n)
+  {
+    Cell cell;
+    for (std::size_t i = 0; i < dim; ++i)
+      cell[i] = static_cast<std::int64_t>(std::floor(nodes_.x[n].c[i] / size));
+    if (runs.empty() || runs.back().cell != cell)
+      runs.push_back({cell, n, n});
+    runs.back().end = n + 1;
+  }
+  std::vector<Cell> own;
+  for (const Run& run : runs)
+    own.push_back(run.cell);
+  std::sort(own.begin(), own.end());
+  own.erase(std::unique(own.begin(), own.end()), own.end());
+  std::vector<std::size_t> counts;
+  const std::vector<Cell> cells = ranks().gather(own, &counts);
+  Cell lower{}, upper{}; // of the own cells
+  for (std::size_t i = 0; i < dim && !own.empty(); ++i)
+  {
+    const auto less = [i](const Cell& a, const Cell& b) { return a[i] < b[i]; };
+    lower[i] = (*std::min_element(own.begin(), own.end(), less))[i];
+    upper[i] = (*std::max_element(own.begin(), own.end(), less))[i];
+  }
+  struct Row
+  {
+    index_t node;
+    std::uint8_t flag, alone;
+    Vec<dim> x, v;
+  };
+  std::vector<std::vector<Row>> to(counts.size());
+  auto from = cells.begin();
+  for (std::size_t r = 0; r < counts.size(); ++r)
+  {
+    const auto last = from + static_cast<std::ptrdiff_t>(counts[r]);
+    std::vector<char> wanted(own.size(), 0);
+    for (auto it = from; it != last && r != static_cast<std::size_t>(ranks().rank()); ++it)
+    {
+      bool far = own.empty();
+      for (std::size_t i = 0; i < dim; ++i)
+        far = far || (*it)[i] < lower[i] - 2 || (*it)[i] > upper[i] + 2;
+      constexpr int around = dim == 2 ? 25 : 125;
+      for (int k = 0; k < around && !far; ++k)
+      {
+        Cell near = *it;
+        for (int i = 0, rest = k; i < dim; ++i, rest /= 5)
+          near[static_cast<std::size_t>(i)] += rest % 5 - 2;
+        if (const auto found = std::lower_bound(own.begin(), own.end(), near);
+            found != own.end() && *found == near)
+          wanted[static_cast<std::size_t>(found - own.begin())] = 1;
+      }
+    }
+    from = last;
+    if (std::any_of(wanted.begin(), wanted.end(), [](char w) { return w != 0; }))
+      for (const Run& run : runs)
+        if (wanted[static_cast<std::size_t>(std::lower_bound(own.begin(), own.end(), run.cell) -
+                                            own.begin())])
+          for (std::size_t n = run.begin; n < run.end; ++n)
+            to[r].push_back(
+                {static_cast<index_t>(n), nodes_.flag[n], nodes_.alone[n], nodes_.x[n], nodes_.v[n]});
+  }
+  const auto rows = ranks().exchange(to); // rank by rank, in order
+  std::vector<index_t> list;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+  {
+    if (r == static_cast<std::size_t>(ranks().rank()))
+      list.insert(list.end(), known.list.begin(), known.list.end());
+    for (const Row& row : rows[r])
+    {
+      const auto n = static_cast<std::size_t>(row.node);
+      nodes_.flag[n] = row.flag;
+      nodes_.alone[n] = row.alone;
+      nodes_.x[n] = row.x;
+      nodes_.v[n] = row.v;
+      list.push_back(row.node);
+    }
+  }
+  known.list = std::move(list);
+  return known;
+}
+
+/// Numbers of known nodes after merges and splits: all that took part are known, and what was made of them.
+template <int dim>
+void Fluid<dim>::follow_changes(const SpacingReport& spacing, KnownNodes& known) const
+{
+  if (known.all)
+    return;
+  auto& list = known.list;
+  list.insert(list.end(), spacing.involved.begin(), spacing.involved.end());
+  for (const auto& split : spacing.splits)
+    list.push_back(split[2]);
+  if (!spacing.new_number.empty())
+  {
+    for (index_t& n : list)
+      n = spacing.new_number[static_cast<std::size_t>(n)];
+    std::erase(list, -1);
+  }
+  std::sort(list.begin(), list.end());
+  list.erase(std::unique(list.begin(), list.end()), list.end());
+}
+
+/// Rows of nodes that are now another rank's go there, those of ghosts come here. Collective.
+/// @param held numbers of the nodes whose rows are right here: those of all ranks are all nodes
+/// @param moved goes with the rows
+template <int dim>
+void Fluid<dim>::pass_rows(std::span<const index_t> held, std::vector<char>& moved)
+{
+  if (ranks().alone())
+    return;
+  struct Row
+  {
+    index_t node;
+    std::uint8_t flag, alone;
+    char moved;
+    Vec<dim> x, v, a;
+    double M, rho, V, h;
+  };
+  std::vector<std::vector<Row>> to(static_cast<std::size_t>(ranks().size()));
+  for (const index_t n : held)
+    if (const auto i = static_cast<std::size_t>(n); n >= 0 && !team_.owns(n))
+      to[static_cast<std::size_t>(owner(team_.nodes_of_ranks(), n))].push_back(
+          {n, nodes_.flag[i], nodes_.alone[i], moved[i], nodes_.x[i], nodes_.v[i], nodes_.a[i], nodes_.M[i],
+           nodes_.rho[i], nodes_.V[i], nodes_.h[i]});
+  for (const auto& rows : ranks().exchange(to))
+    for (const Row& row : rows)
+    {
+      const auto i = static_cast<std::size_t>(row.node);
+      std::tie(nodes_.flag[i], nodes_.alone[i], moved[i], nodes_.x[i], nodes_.v[i], nodes_.a[i], nodes_.M[i],
+               nodes_.rho[i], nodes_.V[i], nodes_.h[i]) =
+          std::tie(row.flag, row.alone, row.moved, row.x, row.v, row.a, row.M, row.rho, row.V, row.h);
+    }
+  halo_.update(nodes_.x, nodes_.h, moved);
+}
+
 /// The rows of all nodes that a remesh goes on with. Collective.
 template <int dim>
 void Fluid<dim>::gather_state()
@@ -181,6 +359,8 @@ void Fluid<dim>::gather_state()
   const auto rows = [&](auto&... fields) { (ranks().gather_rows(fields, first), ...); };
   rows(nodes_.x, nodes_.v, nodes_.a, nodes_.m, nodes_.M, nodes_.inertia, nodes_.rho, nodes_.p, nodes_.V,
        nodes_.flag, nodes_.alone);
+  if (!size_.uniform())
+    rows(nodes_.h);
   any_rank(false);
   turned_over_ = static_cast<int>(ranks().max(turned_over_));
 }

@@ -20,7 +20,7 @@ _undine_run()
       compopt -o nospace 2>/dev/null
       ;;
     --out) mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
-    --ranks) mapfile -t COMPREPLY < <(compgen -W "fluid= solid= coupler=1" -- "$word") ;;
+    --ranks) mapfile -t COMPREPLY < <(compgen -W "fluid= solid= coupler=" -- "$word") ;;
     --until) ;;
     *)
       if [[ $word == -* ]]; then

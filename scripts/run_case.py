@@ -39,7 +39,7 @@ def parse_arguments():
                                 epilog="example: scripts/run cases/elastic_column --set run.resolution=20")
     p.add_argument("case", help="folder under cases/, or a case.toml")
     p.add_argument("--out", help="output folder (default: runs/<case>)")
-    p.add_argument("--ranks", default="", metavar="fluid=N,solid=M,coupler=1", help="MPI ranks of each program (default 1)")
+    p.add_argument("--ranks", default="", metavar="fluid=N,solid=M,coupler=K", help="MPI ranks of each program (default 1)")
     p.add_argument("--set", action="append", default=[], metavar="table.key=value", help="override a key of the case (repeatable)")
     p.add_argument("--until", metavar="T", help="end time in seconds instead of run.t_end")
     p.add_argument("--restart", metavar="latest|ID", help="continue from a checkpoint of the output folder")

@@ -137,7 +137,7 @@ int undine_open_contact(undine_link** link, const char* role, const char* solver
  *   undine_send_report:  that of rank 0 is sent, its numbers are those of all ranks together; surface_changed is the same on all;
  *   undine_send_kinematics, undine_receive_activation, undine_send_free_velocity, undine_receive_link_force, undine_exchange,
  *   undine_send_motion:  with the rows of the rank's own nodes; a rank without nodes may pass NULL;
- *   undine_checkpoint_done, undine_request_stop:  those of rank 0 count.
+ *   undine_checkpoint_done, undine_request_stop:  those of rank 0 count; it answers when all ranks have written.
  * undine_set_nodes and undine_add_faces... are not collective: each rank gives its own nodes, with node_id, every node on one
  * rank only, and faces, every face on one rank only. The coupler sees the nodes in the order of node_id and the faces in that of
  * their nodes, so that the number of ranks changes no bit of its answers.

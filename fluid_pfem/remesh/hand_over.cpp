@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 namespace undine::fluid
@@ -79,16 +80,13 @@ Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& element
 /// Elements that the old or the new mesh has alone, or that have been deformed by the remesh. Each rank looks
 /// at those of which it has the lowest node. Collective.
 /// @param old of this rank before the remesh, in the old numbers
+/// @param moved by the remesh: of this rank's nodes and ghosts
 /// @param number present number of each old node, −1: deleted
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>> old,
-                                                       std::span<const Vec<dim>> old_x,
+                                                       std::span<const char> moved,
                                                        std::span<const index_t> number) const
 {
-  std::vector<char> moved(nodes_.x.size(), 0);
-  for (std::size_t n = 0; n < number.size(); ++n)
-    if (number[n] >= 0 && nodes_.x[static_cast<std::size_t>(number[n])] != old_x[n])
-      moved[static_cast<std::size_t>(number[n])] = 1;
   bool same_numbers = openings_.empty(); // elements of an inlet are in no order
   for (std::size_t n = 0; n < number.size(); ++n)
     same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
@@ -141,14 +139,40 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
   return ranks().gather(changed);
 }
 
+/// Present nodes that are not where the remesh found them, among those that this rank had; with a node that
+/// was merged, all ranks know. Collective.
+/// @param number present number of each old node, −1: deleted
+template <int dim>
+std::vector<char> Fluid<dim>::moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
+                                          const SpacingReport& spacing) const
+{
+  std::vector<char> moved(nodes_.x.size(), 0);
+  for (std::size_t k = 0; k < before.x.size(); ++k)
+    if (const index_t n = number[static_cast<std::size_t>(before.begin) + k];
+        n >= 0 && nodes_.x[static_cast<std::size_t>(n)] != before.x[k])
+      moved[static_cast<std::size_t>(n)] = 1;
+  if (spacing.merges.empty())
+    return moved;
+  std::vector<index_t> merged;
+  for (const auto& [kept, gone] : spacing.merges)
+    if (const index_t n = number[static_cast<std::size_t>(gone)];
+        n >= 0 && moved[static_cast<std::size_t>(n)] && gone >= before.begin &&
+        gone < before.begin + static_cast<index_t>(before.x.size()))
+      merged.push_back(n);
+  merged = ranks().gather(merged);
+  for (const index_t n : merged)
+    moved[static_cast<std::size_t>(n)] = 1;
+  return moved;
+}
+
 /// New connectivity hands volume from node to node; particle mass goes with it, so that a remesh of quiet
 /// fluid leaves no defect M − m. Nodes that share changed elements form a patch; what its losers lose goes to
 /// its gainers. Only volume that the patch as a whole gained or lost is a defect: that was created or dropped
 /// by decision. A node that flies or flew keeps its mass. Patches keep their momenta.
 /// @param changed elements of the old or the new mesh that the other does not have, in the present numbers
-/// @param before the remesh, in the old numbers
+/// @param before the remesh, those of this rank
 /// @param number present number of each old node, −1: deleted
-/// @param V_before of each present node before new connectivity [m^dim]
+/// @param V_before of each node of this rank before new connectivity [m^dim]
 /// @param v_half velocity of the half step, whose momenta and energy count [m/s]
 template <int dim>
 void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
@@ -157,7 +181,7 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const Patches patches = patches_of<dim>(n_nodes, changed);
-  gather_volumes(patches);
+  const std::vector<double> V_was = gather_patches(patches, V_before, v_half);
   struct Volumes
   {
     double gain = 0.0, loss = 0.0; ///< [m^dim]
@@ -166,16 +190,15 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
   std::vector<Volumes> volumes(patches.first.size());
   const auto volumes_at = [&](std::size_t n) -> Volumes&
   { return volumes[static_cast<std::size_t>(patches.of[n])]; };
-  const auto gain_of = [&](std::size_t n)
-  {
-    const bool flies = V_before[n] == 0.0 || (nodes_.flag[n] & isolated_node);
-    return flies ? 0.0 : nodes_.V[n] - V_before[n];
-  };
   const auto for_each_gain = [&](auto&& visit)
   {
-    for (const index_t n : patches.nodes)
-      if (const double gain = gain_of(static_cast<std::size_t>(n)); gain != 0.0)
-        visit(static_cast<std::size_t>(n), gain, volumes_at(static_cast<std::size_t>(n)));
+    for (std::size_t k = 0; k < V_was.size(); ++k)
+    {
+      const auto n = static_cast<std::size_t>(patches.nodes[k]);
+      const bool flies = V_was[k] == 0.0 || (nodes_.flag[n] & isolated_node);
+      if (const double gain = flies ? 0.0 : nodes_.V[n] - V_was[k]; gain != 0.0)
+        visit(n, gain, volumes_at(n));
+    }
   };
   for_each_gain([](std::size_t, double gain, Volumes& p)
                 { (gain > 0.0 ? p.gain : p.loss) += std::abs(gain); });
@@ -195,38 +218,58 @@ void Fluid<dim>::hand_over_mass(const std::vector<Simplex<dim>>& changed, const 
           nodes_.M[n] += p.mass * gain / p.gain;
       });
 
+  struct Particle
+  {
+    index_t patch;
+    double M;
+    Vec<dim> x, v;
+  };
+  std::vector<Particle> particles; // those that are now nodes of patches
+  for (std::size_t k = 0; k < before.x.size(); ++k)
+    if (const index_t n = number[static_cast<std::size_t>(before.begin) + k]; n >= 0)
+      if (const index_t patch = patches.of[static_cast<std::size_t>(n)]; patch >= 0)
+        particles.push_back({patch, before.M[k], before.x[k], before.v[k]});
   std::vector<MassesInMotion<dim>> had(patches.first.size());
-  for (std::size_t n = 0; n < number.size(); ++n)
-    if (number[n] >= 0)
-      if (const index_t patch = patches.of[static_cast<std::size_t>(number[n])]; patch >= 0)
-        had[static_cast<std::size_t>(patch)].add(before.M[n], from_first(patches, patch, before.x[n]),
-                                                 before.v[n]);
+  for (const auto& [patch, M, x, v] : ranks().gather(particles))
+    had[static_cast<std::size_t>(patch)].add(M, from_first(patches, patch, x), v);
   keep_momenta(patches, had, v_half);
 }
 
-/// Volumes, densities and flags of the nodes of patches come from the ranks that have them. Collective.
+/// The rows of the nodes of patches come from the ranks that have them. Collective.
+/// @returns of each of these nodes its volume before new connectivity [m^dim]
 template <int dim>
-void Fluid<dim>::gather_volumes(const Patches& patches)
+std::vector<double> Fluid<dim>::gather_patches(const Patches& patches, std::span<const double> V_before,
+                                               std::span<Vec<dim>> v_half)
 {
-  if (ranks().alone())
-    return;
   struct Row
   {
-    double V, rho;
+    double V_before, V, M, rho, h;
+    Vec<dim> x, v_half;
     std::uint8_t flag;
   };
+  std::vector<double> V_was;
   std::vector<Row> rows;
   for (const index_t n : patches.nodes)
-    if (const auto i = static_cast<std::size_t>(n); team_.owns(n))
-      rows.push_back({nodes_.V[i], nodes_.rho[i], nodes_.flag[i]});
-  rows = ranks().gather(rows);
+    if (team_.owns(n))
+    {
+      const auto i = static_cast<std::size_t>(n);
+      V_was.push_back(V_before[static_cast<std::size_t>(n - team_.node_begin())]);
+      if (!ranks().alone())
+        rows.push_back({V_was.back(), nodes_.V[i], nodes_.M[i], nodes_.rho[i], nodes_.h[i], nodes_.x[i],
+                        v_half[i], nodes_.flag[i]});
+    }
+  if (ranks().alone())
+    return V_was;
+  V_was.clear();
+  rows = ranks().gather(rows); // ranks have consecutive nodes
   for (std::size_t k = 0; k < rows.size(); ++k)
   {
     const auto i = static_cast<std::size_t>(patches.nodes[k]);
-    nodes_.V[i] = rows[k].V;
-    nodes_.rho[i] = rows[k].rho;
-    nodes_.flag[i] = rows[k].flag;
+    V_was.push_back(rows[k].V_before);
+    std::tie(nodes_.V[i], nodes_.M[i], nodes_.rho[i], nodes_.h[i], nodes_.x[i], v_half[i], nodes_.flag[i]) =
+        std::tie(rows[k].V, rows[k].M, rows[k].rho, rows[k].h, rows[k].x, rows[k].v_half, rows[k].flag);
   }
+  return V_was;
 }
 
 /// A place relative to the first node of a patch: sums lose no digits, and in a periodic space the near image
@@ -379,6 +422,7 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     if (!mesh_.isolated(n))
       share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
   halo_.update(share_of_edge);
+  halo_.update(nodes_.M, v_half);
   const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
   const auto add = [&](const Simplex<dim>& e, const Share& share)
   {

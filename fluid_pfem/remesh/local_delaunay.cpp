@@ -10,17 +10,20 @@ namespace undine::fluid
 {
 
 template <int dim>
-std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
+std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
+                                 const std::vector<index_t>* among)
 {
   std::vector<index_t> near;
-  if (x.empty())
+  const std::size_t count_of_points = among ? among->size() : x.size();
+  const auto number = [&](std::size_t k) { return among ? static_cast<std::size_t>((*among)[k]) : k; };
+  if (count_of_points == 0)
     return near;
-  Vec<dim> lower = x[0], upper = x[0];
-  for (const auto& p : x)
+  Vec<dim> lower = x[number(0)], upper = lower;
+  for (std::size_t k = 0; k < count_of_points; ++k)
     for (int i = 0; i < dim; ++i)
     {
-      lower[i] = std::min(lower[i], p[i]);
-      upper[i] = std::max(upper[i], p[i]);
+      lower[i] = std::min(lower[i], x[number(k)][i]);
+      upper[i] = std::max(upper[i], x[number(k)][i]);
     }
   // Cells a little larger than a quarter of the reach, so that rounding cannot put what is in reach into the
   // fifth; larger still if a drop has flown far.
@@ -33,7 +36,7 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
       total *= std::floor((upper[i] - lower[i]) / cell) + 1.0;
     return total;
   };
-  while (count() > 4.0 * static_cast<double>(x.size()) + 64.0)
+  while (count() > 4.0 * static_cast<double>(count_of_points) + 64.0)
     cell *= 2.0;
   const auto rings = static_cast<std::size_t>(std::ceil(reach / cell));
   std::size_t total = 1;
@@ -52,8 +55,8 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
   };
   std::vector<char> marked(total, 0), wider(total);
   Vec<dim> own_lower = upper, own_upper = lower;
-  for (std::size_t n = 0; n < x.size(); ++n)
-    if (mine[n])
+  for (std::size_t l = 0; l < count_of_points; ++l)
+    if (const std::size_t n = number(l); mine[n])
     {
       marked[cell_of(x[n])] = 1;
       for (int i = 0; i < dim; ++i)
@@ -82,31 +85,33 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
       outside = outside || p[i] < own_lower[i] - margin || p[i] > own_upper[i] + margin;
     return outside;
   };
-  for (std::size_t n = 0; n < x.size(); ++n)
-    if (mine[n] || (!far(x[n]) && marked[cell_of(x[n])]))
+  for (std::size_t l = 0; l < count_of_points; ++l)
+    if (const std::size_t n = number(l); mine[n] || (!far(x[n]) && marked[cell_of(x[n])]))
       near.push_back(static_cast<index_t>(n));
   return near;
 }
 
 template <int dim>
-void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
+void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
+                                const std::vector<index_t>* among)
 {
-  // In the plane, room to move against each other by a part of the reach before the next rebuild; in space
-  // every triangulation is a rebuild.
   constexpr bool repairs = dim == 2;
-  constexpr double spare = repairs ? 1.5 : 1.0;
-  std::vector<index_t> needed(x.size());
+  std::vector<index_t> needed;
   if (mine.empty())
+  {
+    needed.resize(x.size());
     std::iota(needed.begin(), needed.end(), 0);
+  }
   else
-    needed = points_near<dim>(x, mine, reach);
+    needed = points_near<dim>(x, mine, reach, among);
   place_.resize(x.size(), -1);
-  if (!repairs || whole_ != mine.empty() ||
+  const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
+  if (!repairs || lost || whole_ != mine.empty() ||
       std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
   {
     delaunay_.forget();
     whole_ = mine.empty();
-    number_ = mine.empty() ? std::move(needed) : points_near<dim>(x, mine, spare * reach);
+    number_ = mine.empty() ? std::move(needed) : points_near<dim>(x, mine, spare * reach, among);
     place_.assign(x.size(), -1);
     for (std::size_t k = 0; k < number_.size(); ++k)
       place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
@@ -190,8 +195,10 @@ void LocalDelaunay<dim>::renumber(std::span<const index_t> new_number)
   delaunay_.renumber(new_place);
 }
 
-template std::vector<index_t> points_near<2>(std::span<const Vec<2>>, std::span<const char>, double);
-template std::vector<index_t> points_near<3>(std::span<const Vec<3>>, std::span<const char>, double);
+template std::vector<index_t> points_near<2>(std::span<const Vec<2>>, std::span<const char>, double,
+                                             const std::vector<index_t>*);
+template std::vector<index_t> points_near<3>(std::span<const Vec<3>>, std::span<const char>, double,
+                                             const std::vector<index_t>*);
 template class LocalDelaunay<2>;
 template class LocalDelaunay<3>;
 

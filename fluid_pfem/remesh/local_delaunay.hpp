@@ -12,8 +12,10 @@ namespace undine::fluid
 {
 
 /// Numbers, ascending, of at least all points within `reach` [m] of a point of `mine` (closed ball).
+/// @param among numbers, ascending, of the points that are looked at, those of `mine` among them; null: all
 template <int dim>
-std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const char> mine, double reach);
+std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
+                                 const std::vector<index_t>* among = nullptr);
 
 /// The triangulation of some of the points and of a halo around them. A simplex with circumradius R and a
 /// corner v lies, with its circumscribed ball, within 2R of v: where the halo is 2R wide, the simplices up to
@@ -25,9 +27,15 @@ template <int dim>
 class LocalDelaunay
 {
 public:
+  /// In the plane, room to move against each other by a part of the reach before the next rebuild; in space
+  /// every triangulation is a rebuild.
+  static constexpr double spare = dim == 2 ? 1.5 : 1.0;
+
   /// Triangulate the points where they are now: those marked in `mine` and all within `reach` [m] of them.
   /// `mine` empty: all points.
-  void update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach);
+  /// @param among as of points_near: the others are nowhere; at least all within spare · reach of `mine`
+  void update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
+              const std::vector<index_t>* among = nullptr);
   /// Those whose corner of the lowest number is one of `mine` (empty: all), canonical; no circumradius up to
   /// reach/2 is missing or wrong.
   std::vector<Simplex<dim>> simplices(std::span<const char> mine) const;

@@ -45,17 +45,60 @@ int count_pieces(const std::array<int, 3>& pieces)
   return static_cast<int>(std::count_if(pieces.begin(), pieces.end(), [](int p) { return p >= 0; }));
 }
 
+/// Where not all nodes are known, rows of the ends of edges come from the ranks that have them.
+/// @returns the ends, in order
+template <int dim>
+std::vector<index_t> gather_ends(const std::vector<Edge>& close, const std::vector<Edge>& far,
+                                 const ShareOfRank<dim>& share, FluidNodes<dim>& nodes)
+{
+  std::vector<index_t> ends;
+  if (!share.known)
+    return ends;
+  for (const auto* edges : {&close, &far})
+    for (const Edge& e : *edges)
+      ends.insert(ends.end(), {e.i, e.j});
+  std::sort(ends.begin(), ends.end());
+  ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+  struct Row
+  {
+    Vec<dim> x, v, a;
+    double m, M, rho, p, V, h;
+    std::uint8_t flag, alone;
+  };
+  std::vector<Row> rows;
+  for (const index_t n : ends)
+    if (n >= share.node_begin && n < share.node_end)
+    {
+      const auto i = static_cast<std::size_t>(n);
+      rows.push_back({nodes.x[i], nodes.v[i], nodes.a[i], nodes.m[i], nodes.M[i], nodes.rho[i], nodes.p[i],
+                      nodes.V[i], nodes.h[i], nodes.flag[i], nodes.alone[i]});
+    }
+  rows = share.ranks.gather(rows); // ranks have consecutive nodes
+  for (std::size_t k = 0; k < rows.size(); ++k)
+  {
+    const auto i = static_cast<std::size_t>(ends[k]);
+    std::tie(nodes.x[i], nodes.v[i], nodes.a[i], nodes.m[i], nodes.M[i], nodes.rho[i], nodes.p[i], nodes.V[i],
+             nodes.h[i], nodes.flag[i], nodes.alone[i]) =
+        std::tie(rows[k].x, rows[k].v, rows[k].a, rows[k].m, rows[k].M, rows[k].rho, rows[k].p, rows[k].V,
+                 rows[k].h, rows[k].flag, rows[k].alone);
+  }
+  return ends;
+}
+
 /// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one
-/// corner. Each rank looks from its share of them.
+/// corner. Each rank looks from its own.
 template <int dim>
 void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int, 3>>& wall_pieces,
-                  const Ranks& ranks, std::vector<Edge>& close)
+                  const ShareOfRank<dim>& share, std::vector<Edge>& close)
 {
+  const auto count_of_nodes = share.known ? static_cast<index_t>(share.known->size()) : nodes.size();
+  const auto number = [&](index_t k)
+  { return share.known ? (*share.known)[static_cast<std::size_t>(k)] : k; };
   constexpr double touching = 0.1; // of the spacing
   std::vector<std::pair<std::array<long, dim>, index_t>> cells;
   double bin = 0.0;
-  for (const double h : nodes.h)
-    bin = std::max(bin, touching * h);
+  for (index_t k = 0; k < count_of_nodes; ++k)
+    bin = std::max(bin, touching * nodes.h[static_cast<std::size_t>(number(k))]);
   Vec<dim> size; // of a bin: a whole number of them fills a period
   std::array<long, dim> count{};
   for (int i = 0; i < dim; ++i)
@@ -64,8 +107,8 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
     count[static_cast<std::size_t>(i)] = std::lround(std::floor(length / bin));
     size[i] = length > 0.0 ? length / static_cast<double>(count[static_cast<std::size_t>(i)]) : bin;
   }
-  for (index_t n = 0; n < nodes.size(); ++n)
-    if (nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
+  for (index_t k = 0; k < count_of_nodes; ++k)
+    if (const index_t n = number(k); nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
     {
       std::array<long, dim> cell;
       const Vec<dim> from_origin = nodes.x[static_cast<std::size_t>(n)] - nodes.period.origin();
@@ -74,10 +117,10 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
       cells.emplace_back(cell, n);
     }
   std::sort(cells.begin(), cells.end());
-  const auto [first, last] = rows_of_rank(cells.size(), ranks);
-  for (std::size_t k = first; k < last; ++k)
+  for (const auto& [cell, n] : cells)
   {
-    const auto& [cell, n] = cells[k];
+    if (!share.ranks.alone() && (n < share.node_begin || n >= share.node_end))
+      continue;
     int offsets = 1;
     for (int i = 0; i < dim; ++i)
       offsets *= 3;
@@ -112,10 +155,11 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
                                  std::vector<std::array<int, 3>>& wall_pieces, index_t n_wet,
                                  const SpacingRules& rules, global_index_t& next_id,
                                  const std::function<bool(const Vec<dim>&, double)>& taken,
-                                 std::span<const Simplex<dim>> mine, const Ranks& ranks)
+                                 const ShareOfRank<dim>& share)
 {
+  const Ranks& ranks = share.ranks;
   std::vector<Edge> close, far;
-  for (const auto& e : ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : mine)
+  for (const auto& e : ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : share.elements)
     for (std::size_t a = 0; a <= dim; ++a)
       for (std::size_t b = a + 1; b <= dim; ++b)
       {
@@ -127,7 +171,7 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
         else if (length > std::min(rules.split, rules.split_wall))
           far.push_back({-length, i, j});
       }
-  add_touching(nodes, wall_pieces, ranks, close);
+  add_touching(nodes, wall_pieces, share, close);
   if (!ranks.alone())
   {
     close = ranks.gather(close);
@@ -135,11 +179,16 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
   }
   if (close.empty() && far.empty())
     return {};
-  std::set<std::pair<index_t, index_t>> boundary_edges;
+  SpacingReport report;
+  report.involved = gather_ends(close, far, share, nodes);
+  std::set<std::pair<index_t, index_t>> boundary_edges, far_ones; // the first: of the far ones
+  for (const Edge& e : far)
+    far_ones.emplace(e.i, e.j);
   for (const auto& f : mesh.boundary)
-    for (std::size_t a = 0; a < dim; ++a)
+    for (std::size_t a = 0; a < dim && !far_ones.empty(); ++a)
       for (std::size_t b = a + 1; b < dim; ++b)
-        boundary_edges.emplace(std::min(f[a], f[b]), std::max(f[a], f[b]));
+        if (const std::pair edge{std::min(f[a], f[b]), std::max(f[a], f[b])}; far_ones.contains(edge))
+          boundary_edges.insert(edge);
   const auto by_length_then_id = [&](const Edge& a, const Edge& b)
   {
     const auto key = [&](const Edge& e)
@@ -152,7 +201,6 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
   std::sort(close.begin(), close.end(), by_length_then_id);
   std::sort(far.begin(), far.end(), by_length_then_id);
 
-  SpacingReport report;
   std::vector<char> busy(static_cast<std::size_t>(nodes.size()), 0), dead(busy.size(), 0);
   for (const Edge& edge : close)
   {
@@ -241,13 +289,17 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
   if (report.merged > 0)
   {
     dead.resize(static_cast<std::size_t>(nodes.size()), 0);
+    std::vector<std::ptrdiff_t> gone;
+    for (const auto& [kept, lost] : report.merges)
+      gone.push_back(lost);
+    gone.push_back(nodes.size());
+    std::sort(gone.begin(), gone.end());
     const auto compress = [&](auto& field)
     {
-      std::size_t next = 0;
-      for (std::size_t n = 0; n < dead.size(); ++n)
-        if (!dead[n])
-          field[next++] = field[n];
-      field.resize(next);
+      auto to = field.begin() + gone[0];
+      for (std::size_t k = 0; k + 1 < gone.size(); ++k) // what is between two that go
+        to = std::move(field.begin() + gone[k] + 1, field.begin() + gone[k + 1], to);
+      field.erase(to, field.end());
     };
     nodes.for_each_field([&](const char*, auto& field) { compress(field); });
     compress(wall_pieces);
@@ -263,11 +315,11 @@ template SpacingReport refine_and_coarsen<2>(FluidNodes<2>&, const FluidMesh<2>&
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
                                              global_index_t&,
                                              const std::function<bool(const Vec<2>&, double)>&,
-                                             std::span<const Simplex<2>>, const Ranks&);
+                                             const ShareOfRank<2>&);
 template SpacingReport refine_and_coarsen<3>(FluidNodes<3>&, const FluidMesh<3>&,
                                              std::vector<std::array<int, 3>>&, index_t, const SpacingRules&,
                                              global_index_t&,
                                              const std::function<bool(const Vec<3>&, double)>&,
-                                             std::span<const Simplex<3>>, const Ranks&);
+                                             const ShareOfRank<3>&);
 
 } // namespace undine::fluid

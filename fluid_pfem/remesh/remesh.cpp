@@ -15,6 +15,7 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <unordered_map>
 #include <utility>
 
 namespace undine::fluid
@@ -41,11 +42,19 @@ std::array<Vec<dim>, dim + 1> sorted_corners(const FluidNodes<dim>& nodes, Simpl
 
 } // namespace
 
+/// So far around a node the others decide which of its simplices are looked at, whatever their corners want
+/// for a spacing [m].
+template <int dim>
+double Fluid<dim>::halo_width() const
+{
+  return 2.0 * largest_radius(config_.remesh.shape) * coarsest_;
+}
+
 /// Delaunay simplices, as far as walls and solid leave room for them: all, or those of which a node of `mine`
 /// has the lowest number, up to the circumradius that matters. What fills holes beside a solid, and a
 /// periodic space, need the whole triangulation on every rank.
 template <int dim>
-std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine)
+std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine, const KnownNodes& known)
 {
   std::vector<Simplex<dim>> simplices;
   if (nodes_.period.any())
@@ -57,8 +66,7 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine)
   else
   {
     const auto part = solid_.empty() ? mine : std::span<const char>{};
-    const double coarsest = *std::max_element(nodes_.h.begin(), nodes_.h.end());
-    delaunay_.update(nodes_.x, part, 2.0 * largest_radius(config_.remesh.shape) * coarsest);
+    delaunay_.update(nodes_.x, part, halo_width(), part.empty() ? nullptr : known.among());
     simplices = delaunay_.simplices(part);
   }
   const auto leave_to_others = [&]
@@ -160,27 +168,45 @@ void Fluid<dim>::remesh()
     check_state(update_state(team_.node_begin(), team_.node_end()));
     collected_ = ranks().alone();
   }
-  gather_state();
   cool();
   if (!bad) // the same elements, but other nodes are near the solid
   {
+    gather_state();
     std::vector<Simplex<dim>> elements(own_elements().begin(), own_elements().end());
     renumber(gaps_, order_nodes(elements));
-    finish_mesh(std::move(elements));
+    connect_mesh(std::move(elements));
+    finish_mesh();
     collected_ = ranks().alone();
     return;
   }
   check_places();
-  for (auto& x : nodes_.x)
-    x = nodes_.period.wrapped(x);
+  KnownNodes known = look_around();
+  if (nodes_.period.any())
+    for (auto& x : nodes_.x)
+      x = nodes_.period.wrapped(x);
   pass_openings();
-  std::vector<Vec<dim>> v_half = half_step_velocity();
-  const double before = energy_with(v_half);
+  find_half_step_velocity();
+  const double before = energy_with(v_half_);
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
-  update_spacing();
-  Particles<dim> old{.M = nodes_.M, .x = nodes_.x, .v = std::move(v_half)};
-  const std::vector<Vec<dim>>& old_x = old.x;
+  update_spacing(known);
+  const auto [old_begin, old_end] = rows_to_sum(ranks().alone());
+  const auto own_rows = [](const auto& field, std::size_t begin, std::size_t end)
+  {
+    return std::vector(field.begin() + static_cast<std::ptrdiff_t>(begin),
+                       field.begin() + static_cast<std::ptrdiff_t>(end));
+  };
+  Particles<dim> old{.begin = static_cast<index_t>(old_begin),
+                     .M = own_rows(nodes_.M, old_begin, old_end),
+                     .x = own_rows(nodes_.x, old_begin, old_end),
+                     .v = own_rows(v_half_, old_begin, old_end)};
+  std::vector<Vec<dim>>& old_x = x_remesh_;
+  old_x.resize(nodes_.x.size());
+  const auto keep_place = [&](index_t n)
+  { old_x[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)]; };
+  known.each(nodes_.size(), keep_place);
+  for (const auto& ghosts : halo_.received())
+    std::for_each(ghosts.begin(), ghosts.end(), keep_place);
   if (!solid_.empty())
     cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
   auto pieces = wall_pieces();
@@ -196,19 +222,27 @@ void Fluid<dim>::remesh()
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
       config_.remesh.spacing, next_id_,
       [&](const Vec<dim>& x, double h) { return solid_.depth(x, h) > brought_out * h; },
-      ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements) : own_elements(), ranks());
+      {.ranks = ranks(),
+       .elements = own_elements(),
+       .node_begin = team_.node_begin(),
+       .node_end = team_.node_end(),
+       .known = known.among()});
   for (const auto& [kept, gone] : spacing.merges)
     delaunay_.merge(kept, gone);
   for (const auto& [i, j, added] : spacing.splits)
     delaunay_.split(i, j, added);
   if (!spacing.new_number.empty())
     delaunay_.renumber(spacing.new_number);
-  contact_.settle(nodes_.x);
+  follow_changes(spacing, known);
+  if (contact_.has_convex())
+    known.each(nodes_.size(), [this](index_t n)
+               { contact_.settle(std::span(nodes_.x).subspan(static_cast<std::size_t>(n), 1)); });
   if (!solid_.empty())
     for (std::size_t n = 0; n < nodes_.x.size(); ++n)
       nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], brought_out * nodes_.h[n]);
+  const std::vector<char> mine = part_of_rank(spacing);
   ShapeChoice<dim> choice =
-      choose_fluid<dim>(nodes_, pieces, triangulation(part_of_rank(spacing)), old_x,
+      choose_fluid<dim>(nodes_, pieces, triangulation(mine, known), old_x,
                         ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements) : own_elements(),
                         config_.element_size, config_.remesh.shape, ranks());
   drop_fragments(choice);
@@ -225,28 +259,37 @@ void Fluid<dim>::remesh()
   for (const auto& [kept, gone] : spacing.merges)
     number[static_cast<std::size_t>(gone)] = kept;
   follow(spacing.new_number);
-  const auto deleted = delete_isolated_nodes(choice.elements), ordered = order_nodes(choice.elements);
+  std::vector<index_t> held; // nodes whose rows this rank has
+  for (std::size_t n = 0; n < mine.size(); ++n)
+    if (mine[n])
+      held.push_back(static_cast<index_t>(n));
+  const auto deleted = delete_isolated_nodes(choice.elements, mine), ordered = order_nodes(choice.elements);
+  for (const auto* new_number : {&deleted, &ordered})
+    for (index_t& n : held)
+      n = n < 0 || new_number->empty() ? n : (*new_number)[static_cast<std::size_t>(n)];
   follow(deleted);
   follow(ordered);
   gaps_ = ranks().gather(choice.gaps);
   renumber(gaps_, deleted);
   renumber(gaps_, ordered);
   gaps_ = sorted_elements<dim>(std::move(gaps_));
-  std::vector<double> V_before = nodes_.V;
-  // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
-  v_half = half_step_velocity();
   std::vector<Simplex<dim>> old_elements;
   if (ranks().alone())
     old_elements = std::move(mesh_.elements);
   else
     old_elements.assign(own_elements().begin(), own_elements().end());
-  finish_mesh(std::move(choice.elements));
-  const auto changed = changed_elements(std::move(old_elements), old_x, number);
-  hand_over_mass(changed, old, number, V_before, v_half);
+  std::vector<char> moved = moved_nodes(old, number, spacing);
+  connect_mesh(std::move(choice.elements));
+  pass_rows(held, moved);
+  // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
+  find_half_step_velocity();
+  std::vector<double> V_before(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end());
+  finish_mesh();
+  hand_over_mass(changed_elements(std::move(old_elements), moved, number), old, number, V_before, v_half_);
   old = {}; // here a remesh needs most memory
   number = std::vector<index_t>();
   V_before = std::vector<double>();
-  smooth_mass_defect(v_half);
+  smooth_mass_defect(v_half_);
   for (const index_t n : constrained_)
     constrain(nodes_.v[static_cast<std::size_t>(n)], n);
 
@@ -255,7 +298,7 @@ void Fluid<dim>::remesh()
   ledger_.split += spacing.split;
   ledger_.created += choice.created.value();
   ledger_.dropped += choice.dropped.value();
-  const double jump = energy_with(v_half) - before;
+  const double jump = energy_with(v_half_) - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
   collected_ = ranks().alone();
 }
@@ -264,7 +307,8 @@ void Fluid<dim>::remesh()
 template <int dim>
 void Fluid<dim>::check_places() const
 {
-  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  for (std::size_t n = begin; n < end; ++n)
     if (!std::isfinite(norm_squared(nodes_.x[n])))
       throw NumericalError(fmt::format(
           "fluid step {}, t = {:.9g} s: node {} is at ({:.4g}) m, mass {:.3g} kg, velocity ({:.4g}) m/s, "
@@ -273,13 +317,14 @@ void Fluid<dim>::check_places() const
           fmt::join(nodes_.v[n].c, ", "), nodes_.p[n]));
 }
 
+/// Of the nodes of this rank.
 template <int dim>
-std::vector<Vec<dim>> Fluid<dim>::half_step_velocity() const
+void Fluid<dim>::find_half_step_velocity()
 {
-  std::vector<Vec<dim>> v = nodes_.v;
-  for (std::size_t n = 0; n < v.size(); ++n)
-    v[n] -= 0.5 * dt_before_ * nodes_.a[n];
-  return v;
+  v_half_.resize(nodes_.x.size());
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  for (std::size_t n = begin; n < end; ++n)
+    v_half_[n] = nodes_.v[n] - 0.5 * dt_before_ * nodes_.a[n];
 }
 
 /// Kinetic, of the given velocities, internal and potential energy [J]. Collective.
@@ -296,14 +341,24 @@ double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
   return e.total();
 }
 
+/// Collective.
 template <int dim>
-void Fluid<dim>::update_spacing()
+void Fluid<dim>::update_spacing(const KnownNodes& known)
 {
-  nodes_.h.assign(nodes_.x.size(), config_.element_size);
+  if (known.all)
+    nodes_.h.assign(nodes_.x.size(), config_.element_size);
+  coarsest_ = config_.element_size;
   if (size_.uniform())
     return;
-  for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-    nodes_.h[n] = size_(nodes_.x[n], contact_);
+  coarsest_ = 0.0;
+  known.each(nodes_.size(),
+             [this](index_t n)
+             {
+               const auto i = static_cast<std::size_t>(n);
+               nodes_.h[i] = size_(nodes_.x[i], contact_);
+               coarsest_ = std::max(coarsest_, nodes_.h[i]);
+             });
+  coarsest_ = ranks().max(coarsest_);
 }
 
 template <int dim>
@@ -311,7 +366,7 @@ void Fluid<dim>::triangulate()
 {
   collect(); // where a solid is met there was a mesh before
   cool();
-  std::vector<Simplex<dim>> delaunay = triangulation({});
+  std::vector<Simplex<dim>> delaunay = triangulation({}, {});
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
     std::erase_if(elements,
@@ -324,7 +379,8 @@ void Fluid<dim>::triangulate()
                   });
   elements = part_of_all(std::move(elements));
   renumber(delaunay, order_nodes(elements));
-  finish_mesh(std::move(elements));
+  connect_mesh(std::move(elements));
+  finish_mesh();
   collected_ = ranks().alone();
   collect();
   nodes_.M = nodes_.m;
@@ -343,21 +399,16 @@ void Fluid<dim>::triangulate()
   collected_ = ranks().alone();
 }
 
-/// What walls and solid all nodes are on; each rank looks at its own. Collective.
+/// All nodes on walls and solid, in order; each rank looks at its own. Collective.
 template <int dim>
-std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
+std::vector<typename Fluid<dim>::OnPieces> Fluid<dim>::nodes_on_walls() const
 {
-  struct OnPieces
-  {
-    std::size_t node;
-    std::array<int, 3> pieces;
-  };
   std::vector<OnPieces> found;
   const auto [begin, end] = rows_to_sum(ranks().alone());
   if (!contact_.empty() || !solid_.empty())
     for (std::size_t n = begin; n < end; ++n)
     {
-      OnPieces here{.node = n, .pieces = {-1, -1, -1}};
+      OnPieces here{.node = static_cast<index_t>(n), .pieces = {-1, -1, -1}};
       if (!contact_.empty())
         here.pieces = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
       if (!solid_.empty())
@@ -368,9 +419,16 @@ std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
       if (here.pieces[0] >= 0)
         found.push_back(here);
     }
+  return ranks().gather(found);
+}
+
+/// What walls and solid all nodes are on. Collective.
+template <int dim>
+std::vector<std::array<int, 3>> Fluid<dim>::wall_pieces() const
+{
   std::vector<std::array<int, 3>> pieces(nodes_.x.size(), {-1, -1, -1});
-  for (const OnPieces& here : ranks().gather(found))
-    pieces[here.node] = here.pieces;
+  for (const OnPieces& here : nodes_on_walls())
+    pieces[static_cast<std::size_t>(here.node)] = here.pieces;
   return pieces;
 }
 
@@ -384,14 +442,13 @@ void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
                  team_.element_end());
   if (!ranks().alone())
     mesh_.boundary = ranks().gather(mesh_.boundary);
+  find_ghosts();
 }
 
 /// All that follows from positions, densities and connectivity, for the nodes of each rank. Collective.
 template <int dim>
-void Fluid<dim>::finish_mesh(std::vector<Simplex<dim>> elements)
+void Fluid<dim>::finish_mesh()
 {
-  connect_mesh(std::move(elements));
-  find_ghosts();
   const index_t n_nodes = nodes_.size(), begin = team_.node_begin(), end = team_.node_end();
   const std::vector<std::uint8_t> was(nodes_.flag.begin() + begin, nodes_.flag.begin() + end);
   flag_nodes();
@@ -509,11 +566,24 @@ void Fluid<dim>::measure_quality()
 template <int dim>
 void Fluid<dim>::flag_nodes()
 {
-  const auto pieces = wall_pieces();
+  const std::vector<OnPieces> on_walls = nodes_on_walls();
+  const auto from = [&](index_t n)
+  {
+    return std::lower_bound(on_walls.begin(), on_walls.end(), n,
+                            [](const OnPieces& here, index_t k) { return here.node < k; });
+  };
+  const auto pieces_of = [&](index_t n)
+  {
+    const auto it = from(n);
+    return it != on_walls.end() && it->node == n ? it->pieces : std::array<int, 3>{-1, -1, -1};
+  };
+  auto next = from(team_.node_begin());
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
   {
     const auto i = static_cast<std::size_t>(n);
-    const bool wall = pieces[i][0] >= 0 || (nodes_.surface[i] & wall_mask_);
+    const bool on_piece = next != on_walls.end() && next->node == n;
+    next += on_piece;
+    const bool wall = on_piece || (nodes_.surface[i] & wall_mask_);
     const bool alone = mesh_.isolated(n);
     nodes_.flag[i] =
         static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
@@ -524,11 +594,11 @@ void Fluid<dim>::flag_nodes()
     if (std::none_of(facet.begin(), facet.end(), [this](index_t n) { return team_.owns(n); }))
       continue;
     SurfaceMask surface = wall_mask_ | wet_mask_ | impedance_mask_ | openings_.driven_mask();
-    std::array<int, 3> shared = pieces[static_cast<std::size_t>(facet[0])];
+    std::array<int, 3> shared = pieces_of(facet[0]);
     for (const index_t n : facet)
     {
       surface &= nodes_.surface[static_cast<std::size_t>(n)];
-      const auto& p = pieces[static_cast<std::size_t>(n)];
+      const auto p = pieces_of(n);
       for (int& piece : shared)
         if (std::find(p.begin(), p.end(), piece) == p.end())
           piece = -1;
@@ -551,10 +621,11 @@ template <int dim>
 void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 {
   const auto n_nodes = nodes_.x.size();
-  std::vector<std::int64_t> count(n_nodes, 0); // of elements
+  std::vector<std::uint8_t> count(n_nodes, 0); // of elements; three stand for many
   for (const auto& e : choice.elements)
     for (const index_t n : e)
-      ++count[static_cast<std::size_t>(n)];
+      if (auto& c = count[static_cast<std::size_t>(n)]; c < 3)
+        ++c;
   const auto crowded = [&](const Simplex<dim>& e)
   {
     return std::any_of(e.begin(), e.end(), [&](index_t n) { return count[static_cast<std::size_t>(n)] > 2; });
@@ -583,7 +654,8 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
     ranks().sum(there);
     for (std::size_t k = 0; k < nodes.size(); ++k)
     {
-      count[static_cast<std::size_t>(nodes[k])] = there[2 * k];
+      count[static_cast<std::size_t>(nodes[k])] =
+          static_cast<std::uint8_t>(std::min<std::int64_t>(there[2 * k], 3));
       large[static_cast<std::size_t>(nodes[k])] = there[2 * k + 1] > 0;
     }
   }
@@ -594,7 +666,7 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
       sum += mixed(static_cast<std::uint64_t>(nodes_.id[static_cast<std::size_t>(n)]));
     return mixed(sum);
   };
-  std::vector<std::uint64_t> names(n_nodes, 0); // of the elements at a node, combined
+  std::unordered_map<std::size_t, std::uint64_t> names; // of the elements at a node, combined
   for (const auto& e : few)
     if (!crowded(e))
       for (const index_t n : e)
@@ -637,34 +709,45 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 
 /// Collective.
 /// @param elements of this rank
+/// @param mine nodes whose rows this rank has; empty: all
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
-std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements,
+                                                       std::span<const char> mine)
 {
   if (config_.remesh.delete_isolated_after == 0)
     return {};
-  std::vector<char> gone(nodes_.x.size(), 0);
-  bool some = false;
-  for (std::size_t n = 0; n < gone.size(); ++n)
-  {
-    gone[n] = nodes_.alone[n] >= config_.remesh.delete_isolated_after;
-    some = some || gone[n];
-  }
-  if (!some)
-    return {};
-  std::vector<index_t> used; // again
+  const auto long_alone = [this](std::size_t n)
+  { return nodes_.alone[n] >= config_.remesh.delete_isolated_after; };
+  std::vector<char> used(nodes_.x.size(), 0);
+  std::vector<index_t> again;
   for (const auto& e : elements)
     for (const index_t n : e)
-      if (gone[static_cast<std::size_t>(n)])
-        used.push_back(n);
-  for (const index_t n : ranks().gather(used))
-    gone[static_cast<std::size_t>(n)] = 0;
-  for (std::size_t n = 0; n < gone.size(); ++n)
-    if (gone[n])
-    {
-      ++ledger_.deleted_nodes;
-      ledger_.deleted_mass += nodes_.M[n];
-    }
+      if (long_alone(static_cast<std::size_t>(n)))
+        again.push_back(n);
+  for (const index_t n : ranks().gather(again))
+    used[static_cast<std::size_t>(n)] = 1;
+  struct Lost
+  {
+    index_t node;
+    double M;
+  };
+  std::vector<Lost> lost;
+  for (std::size_t n = 0; n < used.size(); ++n)
+    if ((mine.empty() || mine[n]) && long_alone(n) && !used[n])
+      lost.push_back({static_cast<index_t>(n), nodes_.M[n]});
+  lost = ranks().gather(lost);
+  if (lost.empty())
+    return {};
+  std::sort(lost.begin(), lost.end(), [](const Lost& a, const Lost& b) { return a.node < b.node; });
+  std::vector<char>& gone = used;
+  std::fill(gone.begin(), gone.end(), 0);
+  for (const Lost& node : lost)
+  {
+    gone[static_cast<std::size_t>(node.node)] = 1;
+    ++ledger_.deleted_nodes;
+    ledger_.deleted_mass += node.M;
+  }
   return erase_nodes(gone, elements);
 }
 
@@ -750,6 +833,25 @@ void Fluid<dim>::find_impedance()
 namespace
 {
 
+/// Rows from the one of number `sorted` on, taken in the order of `tail`, come to lie before the rows
+/// `place`, which do not descend.
+template <class T>
+void merge_tail(std::vector<T>& field, std::ptrdiff_t sorted, const std::vector<index_t>& tail,
+                const std::vector<index_t>& place)
+{
+  std::vector<T> added;
+  for (const index_t n : tail)
+    added.push_back(field[static_cast<std::size_t>(n)]);
+  auto end = field.begin() + sorted; // of what has still to move
+  for (auto k = static_cast<std::ptrdiff_t>(tail.size()); k-- > 0;)
+  {
+    const auto from = field.begin() + place[static_cast<std::size_t>(k)];
+    std::move_backward(from, end, end + k + 1);
+    end = from;
+    end[k] = added[static_cast<std::size_t>(k)];
+  }
+}
+
 template <class T>
 void permute(std::vector<T>& field, const std::vector<index_t>& old_of_new)
 {
@@ -788,12 +890,16 @@ void Fluid<dim>::choose_slow_axis()
 template <int dim>
 std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
 {
-  constexpr std::int64_t renew_every = 25; // remeshes
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
-  const bool renew = ledger_.remeshes % renew_every == 0;
+  const bool renew = rows_are_due();
   if (renew)
     choose_slow_axis();
-  for (std::size_t n = 0; n < n_nodes; ++n)
+  const std::vector<char> group = wet_groups(elements);
+  index_t sorted = nodes_.size(); // those before it are in order, unless all rows are new or groups may be
+  while (sorted > 0 && nodes_.row[static_cast<std::size_t>(sorted - 1)] == no_row)
+    --sorted;
+  const bool tail_only = !renew && group.empty();
+  for (auto n = static_cast<std::size_t>(tail_only ? sorted : 0); n < n_nodes; ++n)
     if (renew || nodes_.row[n] == no_row)
     {
       nodes_.row[n] = 0;
@@ -805,7 +911,6 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
         nodes_.row[n] = (nodes_.row[n] << 20) + static_cast<std::int64_t>(std::clamp(row, -most, most - 1.0));
       }
     }
-  const std::vector<char> group = wet_groups(elements);
 
   const auto before = [&](index_t a, index_t b)
   {
@@ -814,23 +919,55 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
       return group[n] < group[m];
     return nodes_.row[n] != nodes_.row[m] ? nodes_.row[n] < nodes_.row[m] : nodes_.id[n] < nodes_.id[m];
   };
-  index_t sorted = 1; // mostly all but the new ones
-  while (sorted < nodes_.size() && !before(sorted, sorted - 1))
-    ++sorted;
+  if (!tail_only)
+  {
+    sorted = 1;
+    while (sorted < nodes_.size() && !before(sorted, sorted - 1))
+      ++sorted;
+  }
   if (sorted >= nodes_.size())
     return {};
-  std::vector<index_t> old_of_new(n_nodes), new_of_old(n_nodes);
+  std::vector<index_t> new_of_old(n_nodes);
+  const auto take_numbers = [&]
+  {
+    delaunay_.renumber(new_of_old);
+    for (auto& e : elements)
+      for (index_t& n : e)
+        n = new_of_old[static_cast<std::size_t>(n)];
+    return new_of_old;
+  };
+  if (tail_only)
+  {
+    std::vector<index_t> tail(n_nodes - static_cast<std::size_t>(sorted)),
+        all(static_cast<std::size_t>(sorted)), place;
+    std::iota(tail.begin(), tail.end(), sorted);
+    std::sort(tail.begin(), tail.end(), before);
+    std::iota(all.begin(), all.end(), 0);
+    for (const index_t n : tail)
+      place.push_back(
+          static_cast<index_t>(std::upper_bound(all.begin(), all.end(), n, before) - all.begin()));
+    for (std::size_t k = 0, n = 0; n < all.size() || k < tail.size();)
+      if (k < tail.size() && static_cast<std::size_t>(place[k]) == n)
+      {
+        new_of_old[static_cast<std::size_t>(tail[k])] = static_cast<index_t>(n + k);
+        ++k;
+      }
+      else
+      {
+        new_of_old[n] = static_cast<index_t>(n + k);
+        ++n;
+      }
+    nodes_.for_each_field([&](const char*, auto& field) { merge_tail(field, sorted, tail, place); });
+    return take_numbers();
+  }
+  std::vector<index_t> old_of_new(n_nodes);
   std::iota(old_of_new.begin(), old_of_new.end(), 0);
   std::sort(old_of_new.begin() + sorted, old_of_new.end(), before);
   std::inplace_merge(old_of_new.begin(), old_of_new.begin() + sorted, old_of_new.end(), before);
   for (std::size_t n = 0; n < n_nodes; ++n)
     new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
   nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
-  delaunay_.renumber(new_of_old);
-  for (auto& e : elements)
-    for (index_t& n : e)
-      n = new_of_old[static_cast<std::size_t>(n)];
-  return new_of_old;
+  return take_numbers();
 }
 
 /// 0 for wet nodes, 1 for their neighbours, 2 for the rest; empty where there can be no wet ones. Collective.

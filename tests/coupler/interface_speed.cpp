@@ -1,4 +1,5 @@
-// What an interface of growing size costs the coupler: integrals, operator, factor, solution. Run by mpirun,
+// What an interface of growing size costs the coupler: integrals, operator, factor, solution; and what the
+// solution would cost by conjugate gradients. Run by mpirun,
 // on one and several ranks; the numbers are in docs/benchmarks/scaling.md.
 //
 // mpirun -n 2 interface_speed DIM NODES...      wet nodes of the fluid's side; the solid's is 0.8 times as
@@ -6,6 +7,7 @@
 #include "coupler/interface.hpp"
 #include "coupler/mortar.hpp"
 
+#include <Eigen/IterativeLinearSolvers>
 #include <mpi.h>
 
 #include <algorithm>
@@ -119,9 +121,20 @@ int main(int argc, char** argv)
               H.solve(dt, dt, rhs);
             });
         const Milliseconds solve([&] { H.solve(dt, dt, rhs); });
-        std::printf("| %d | %ld | %d | %.3g | %.3g | %.3g | %.3g |\n", dim,
+        // From zero, as a restart needs it; steps of 1 : 1 and 20 : 1.
+        std::array<double, 2> gradients{}, iterations{};
+        for (const int ratio : {1, 20})
+        {
+          const SparseMatrix A = H.assemble(1.0, ratio);
+          Eigen::ConjugateGradient<SparseMatrix, Eigen::Lower | Eigen::Upper> solver(A);
+          solver.setTolerance(1e-8);
+          Vector x;
+          gradients[ratio > 1] = Milliseconds([&] { x = solver.solve(rhs); }).cpu;
+          iterations[ratio > 1] = static_cast<double>(solver.iterations());
+        }
+        std::printf("| %d | %ld | %d | %.3g | %.3g | %.3g | %.3g | %.3g (%.0f) | %.3g (%.0f) |\n", dim,
                     static_cast<long>(H.n_multipliers()), team.size(), build.wall, build.cpu, factor.cpu,
-                    solve.cpu);
+                    solve.cpu, gradients[0], iterations[0], gradients[1], iterations[1]);
         std::fflush(stdout);
       }
       dismiss_helpers(team);

@@ -177,6 +177,23 @@ TEST_CASE("a drop that falls into a pool, leaving the part of its rank, has the 
   check_same_bits<2>(config, steps_wanted(400), 5);
 }
 
+// The front meets the obstacle at once; nodes behind its faces are taken out, others fly and are deleted.
+TEST_CASE("a spacing that varies, an obstacle and deleted nodes leave the same bits", "[ranks]")
+{
+  FluidConfig config = test::dam_break_config(0.146 / 14.0);
+  WallGeometry obstacle;
+  obstacle.name = "obstacle";
+  obstacle.points = {{0.15, 0.0, 0.0}, {0.15, 0.04, 0.0}, {0.2, 0.04, 0.0}, {0.2, 0.0, 0.0}};
+  obstacle.closed = true;
+  config.contact_walls.push_back(obstacle);
+  SizeZone zone;
+  zone.lower = {0.1, 0.0, 0.0};
+  zone.upper = {0.2, 0.1, 0.0};
+  config.spacing = {zone};
+  config.remesh.delete_isolated_after = 2;
+  check_same_bits<2>(config, steps_wanted(300), 5);
+}
+
 TEST_CASE("a drop in space has the same bits on any number of ranks", "[ranks]")
 {
   check_same_bits<3>(drop_in_space(1.0 / 11.0), steps_wanted(60), 1);
