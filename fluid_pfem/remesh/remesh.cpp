@@ -800,6 +800,7 @@ void Fluid<dim>::pass_openings()
     erase_nodes(gone, mesh_.elements);
     mesh_.boundary.clear(); // of a mesh that is no more; the edges of splits are then taken as inner ones
   }
+  exchange_energy_.assign(nodes_.x.size(), 0.0); // all booked
   openings_energy_ += energy().total() - before;
 }
 

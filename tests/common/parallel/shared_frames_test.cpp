@@ -21,7 +21,7 @@ using namespace undine;
 namespace
 {
 
-Ranks world() { return ranks_of(MPI_COMM_WORLD, 60.0); }
+Ranks all_ranks() { return ranks_of(MPI_COMM_WORLD, 60.0); }
 
 /// One folder of all ranks; rank 0 makes and removes it.
 struct SharedFolder
@@ -114,7 +114,7 @@ void write_shared(FrameWriter& writer, const Squares& s, double t, const Ranks& 
 
 TEST_CASE("ranks that each write their rows make the file of one rank, byte by byte")
 {
-  const Ranks ranks = world();
+  const Ranks ranks = all_ranks();
   const SharedFolder folder(ranks);
   const Squares squares;
   {
@@ -140,7 +140,7 @@ TEST_CASE("ranks that each write their rows make the file of one rank, byte by b
 
 TEST_CASE("a rank that cannot write ends the frame on all ranks, in its words, and earlier frames stay")
 {
-  const Ranks ranks = world();
+  const Ranks ranks = all_ranks();
   const SharedFolder folder(ranks);
   const Squares squares;
   FrameWriter writer(folder.path, "shared", ranks);
