@@ -204,11 +204,16 @@ void FacetSurface<dim>::within(const Vec<dim>& p, double reach, std::vector<inde
   Vec<dim> margin;
   for (int i = 0; i < dim; ++i)
     margin[i] = reach;
-  each_bin(bin_of(p - margin), bin_of(p + margin),
+  const Bin first = bin_of(p - margin), last = bin_of(p + margin);
+  Bin last_of_rows = last; // bins that differ in the last index only follow each other
+  last_of_rows[dim - 1] = first[dim - 1];
+  each_bin(first, last_of_rows,
            [&](const Bin& bin)
            {
+             Bin end = bin;
+             end[dim - 1] = last[dim - 1];
              for (auto it = std::lower_bound(bins_.begin(), bins_.end(), std::pair{bin, index_t{0}});
-                  it != bins_.end() && it->first == bin; ++it)
+                  it != bins_.end() && !(end < it->first); ++it)
                found.push_back(it->second);
            });
   std::sort(found.begin() + static_cast<std::ptrdiff_t>(begin), found.end());
@@ -276,8 +281,16 @@ template <int dim>
 typename FacetSurface<dim>::Near FacetSurface<dim>::nearest(const Vec<dim>& p,
                                                             std::span<const index_t> candidates) const
 {
+  return nearest_of(p, candidates).first;
+}
+
+template <int dim>
+std::pair<typename FacetSurface<dim>::Near, double>
+FacetSurface<dim>::nearest_of(const Vec<dim>& p, std::span<const index_t> candidates) const
+{
   Near near;
   Projection best{};
+  best.distance = std::numeric_limits<double>::infinity();
   for (const index_t k : candidates)
   {
     const Projection q = project(p, k);
@@ -290,21 +303,31 @@ typename FacetSurface<dim>::Near FacetSurface<dim>::nearest(const Vec<dim>& p,
     }
   }
   if (near.facet < 0)
-    return near;
+    return {near, best.distance};
   near.weight = best.weight;
   near.normal = best.normal;
   near.beside = best.on_rim;
   // Inside the facet's shadow the gap is the height; past an edge the distance, with the sign of the height.
   near.gap = best.interior ? best.height : std::copysign(best.distance, best.height);
-  return near;
+  return {near, best.distance};
 }
 
 template <int dim>
 typename FacetSurface<dim>::Near FacetSurface<dim>::nearest(const Vec<dim>& p, double reach) const
 {
+  if (empty())
+    return {};
+  // Far or near, only what is about as near as the nearest counts: looked for in ever larger circles.
+  constexpr double surely = 1.0 - 1e-6; // what is as near as this up to round-off is in the circle too
   std::vector<index_t> candidates;
-  within(p, reach, candidates);
-  return nearest(p, candidates);
+  for (double r = std::min(0.5 * bin_size_, reach);; r = std::min(4.0 * r, reach))
+  {
+    candidates.clear();
+    within(p, r, candidates);
+    const auto [near, distance] = nearest_of(p, candidates);
+    if (distance < surely * r || r >= reach)
+      return near;
+  }
 }
 
 template class FacetSurface<2>;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace undine
@@ -94,6 +95,8 @@ private:
     bool interior;   ///< it is inside the facet
   };
   Projection project(const Vec<dim>& p, index_t facet) const;
+  /// And how far away it is [m]; infinite without candidates.
+  std::pair<Near, double> nearest_of(const Vec<dim>& p, std::span<const index_t> candidates) const;
   using Bin = std::array<long, dim>;
   Bin bin_of(const Vec<dim>& p) const;
   /// act(bin) for all bins of the box of which first and last are opposite corners.
