@@ -59,7 +59,7 @@ void CouplerOutput::observe(const WindowRecord& r)
   t_ = r.plan.t_end;
   const bool start = r.plan.t_end == r.plan.t_begin,
              row = start || r.plan.last || rows_.due(t_, r.plan.t_end - r.plan.t_begin);
-  if (r.plan.flight == 1 || row) // else energies may be those of an earlier window
+  if (row) // else energies may be those of an earlier window
   {
     const EnergyBalance e = energy_of(r.fluid, r.solid);
     total_now_ = e.total();

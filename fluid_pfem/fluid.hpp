@@ -189,6 +189,8 @@ public:
 
   /// Collective, unless collected; then works are right on rank 0 only.
   FluidEnergy energy() const;
+  /// As in energy(), on rank 0, at once [J].
+  double interface_work() const { return interface_work_; }
   /// Collective, unless collected.
   FluidMass mass_by_state() const;
   double mass() const { return mass_by_state().total(); } ///< particle mass [kg]

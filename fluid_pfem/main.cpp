@@ -75,7 +75,8 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
       link.emplace(world.channel("coupler"));
     try
     {
-      fluid::run_coupled<dim>(fluid, {link ? &*link : nullptr, ranks}, observe, persistence);
+      fluid::run_coupled<dim>(fluid, {link ? &*link : nullptr, ranks}, asked.history_interval, observe,
+                              persistence);
     }
     catch (const Failure& failure)
     {

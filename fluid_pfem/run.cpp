@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
+#include "common/time/row_times.hpp"
 #include "fluid_pfem/step_looks.hpp"
 
 #include <fmt/format.h>
@@ -24,18 +25,31 @@ double seconds_since(std::chrono::steady_clock::time_point begin)
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-template <int dim>
-link::Report report_of(Fluid<dim>& fluid, double initial_potential)
+/// Energies and mass at a time when somebody reads them.
+struct Balance
 {
-  const FluidEnergy e = fluid.energy();
+  FluidEnergy energy;
+  double mass = 0.0; ///< [kg]
+
+  template <int dim>
+  void take(const Fluid<dim>& fluid)
+  {
+    energy = fluid.energy();
+    mass = fluid.mass();
+  }
+};
+
+template <int dim>
+link::Report report_of(Fluid<dim>& fluid, const Balance& balance, double initial_potential)
+{
   link::Report report;
   report.stable_dt = fluid.critical_time_step();
-  report.kinetic_energy = e.kinetic;
-  report.internal_energy = e.internal;
-  report.external_work = initial_potential - e.potential;
-  report.dissipated_energy = e.dissipated;
-  report.interface_work = e.interface_work;
-  report.mass = fluid.mass();
+  report.kinetic_energy = balance.energy.kinetic;
+  report.internal_energy = balance.energy.internal;
+  report.external_work = initial_potential - balance.energy.potential;
+  report.dissipated_energy = balance.energy.dissipated;
+  report.interface_work = fluid.interface_work();
+  report.mass = balance.mass;
   report.steps = fluid.steps();
   return report;
 }
@@ -65,19 +79,22 @@ struct StepWatch
 } // namespace
 
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observe,
+void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, const Observer<dim>& observe,
                  const Persistence& persistence)
 {
   const auto begin = std::chrono::steady_clock::now();
   double initial_potential = 0.0;
+  Balance balance;
+  RowTimes rows(history_interval); // of the coupler, which reads energies and mass there only
   const StateVisitor state = [&](StateArchive& archive)
   {
     archive("fluid", fluid);
     archive("initial_potential", initial_potential);
+    archive("rows", rows);
   };
   const auto report = [&](bool surface_changed)
   {
-    link::Report r = report_of(fluid, initial_potential);
+    link::Report r = report_of(fluid, balance, initial_potential);
     r.surface_changed = surface_changed;
     r.wait_seconds = link.wait_seconds();
     r.compute_seconds = seconds_since(begin) - r.wait_seconds;
@@ -102,6 +119,9 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
   if (!persistence.restarts())
     observe(setup.t_begin, fluid, true);
   std::vector<double> f_link(fluid.interface_velocity().size());
+  balance.take(fluid);
+  if (!persistence.restarts())
+    rows.written(setup.t_begin);
   report(false);
 
   bool stop_asked = false;
@@ -161,6 +181,11 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observ
       continue;
     }
     observe(window->t_end, fluid, window->output);
+    if (window->last || rows.due(window->t_end, window->t_end - window->t_begin))
+    {
+      balance.take(fluid);
+      rows.written(window->t_end);
+    }
 
     const bool remesh = !window->last && fluid.is_distorted();
     if (remesh && !sees_solid)
@@ -233,8 +258,8 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
   return "";
 }
 
-template void run_coupled<2>(Fluid<2>&, SharedLink, const Observer<2>&, const Persistence&);
-template void run_coupled<3>(Fluid<3>&, SharedLink, const Observer<3>&, const Persistence&);
+template void run_coupled<2>(Fluid<2>&, SharedLink, double, const Observer<2>&, const Persistence&);
+template void run_coupled<3>(Fluid<3>&, SharedLink, double, const Observer<3>&, const Persistence&);
 template std::string run_alone<2>(Fluid<2>&, const RunConfig&, double, const Observer<2>&,
                                   const Persistence&);
 template std::string run_alone<3>(Fluid<3>&, const RunConfig&, double, const Observer<3>&,

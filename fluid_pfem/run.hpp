@@ -17,9 +17,10 @@ namespace undine::fluid
 template <int dim>
 using Observer = std::function<void(double t, Fluid<dim>& fluid, bool frame)>;
 
-/// Run coupled until the coupler says good-bye. Collective.
+/// Run coupled until the coupler says good-bye. Collective. `history_interval` [s] of the coupler's rows:
+/// energies are computed for them only; 0: after every window.
 template <int dim>
-void run_coupled(Fluid<dim>& fluid, SharedLink link, const Observer<dim>& observe,
+void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, const Observer<dim>& observe,
                  const Persistence& persistence = {});
 
 /// Run alone from run.t_begin to run.t_end. Collective. `frame_interval` [s], 0: only the first and the last

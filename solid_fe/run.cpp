@@ -316,10 +316,13 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
     }
     ++result.windows;
     const bool row = ledger.is_due(window->t_end, window->t_end - window->t_begin) || window->last;
-    if (!window->flight || row) // in flight nobody reads them between rows
+    if (row) // between rows the coupler reads the work of the link only, and in flight it does not change
+    {
       energies = solid.energies();
-    if (row)
       ledger.record(window->t_end, solid, energies);
+    }
+    else if (!window->flight)
+      energies.interface = solid.interface_work();
     if (output != nullptr && (window->output || window->last))
       output->write_frame(solid);
     const bool go_on = !progress || progress(solid.time(), solid.steps(), dt);

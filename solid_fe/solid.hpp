@@ -137,7 +137,9 @@ public:
   /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s]. Collective.
   double critical_time_step() const;
   Energies energies() const; ///< collective
-  double mass() const;       ///< with what mass scaling added [kg]
+  /// Cumulated work of the link forces, as in energies() [J]. Collective.
+  double interface_work() const;
+  double mass() const; ///< with what mass scaling added [kg]
   /// What mass scaling added to each body [kg]; loads per mass do not act on it. Empty without mass scaling.
   const std::vector<double>& added_mass() const { return added_mass_; }
   /// Measure the true highest frequency again if that is asked for and the solid has changed much (the bound
@@ -293,6 +295,7 @@ private:
   void move_free(double dt, index_t begin, index_t end);
   void start_balances();
   double gravity_work() const; ///< Σ m g·u [J]. Collective
+  void add_works(const std::vector<double>& works, ExactSum& sum) const;
   double driven_force(const DrivenComponent&) const;
   [[noreturn]] void fail_inverted(const Body<dim>& body, index_t element) const;
 

@@ -37,6 +37,27 @@ double Solid<dim>::gravity_work() const
                            { return Vec<1>{{given_mass_[n] * dot(gravity_, nodes_.u[n])}}; })[0];
 }
 
+/// The part of this rank.
+template <int dim>
+void Solid<dim>::add_works(const std::vector<double>& works, ExactSum& sum) const
+{
+  share_.for_own(0, works.size(),
+                 [&](std::size_t n)
+                 {
+                   if (works[n] != 0.0)
+                     sum.add(works[n]);
+                 });
+}
+
+template <int dim>
+double Solid<dim>::interface_work() const
+{
+  ExactSum sum;
+  add_works(interface_work_, sum);
+  ranks().sum({&sum});
+  return sum.value();
+}
+
 template <int dim>
 Energies Solid<dim>::energies() const
 {
@@ -49,19 +70,10 @@ Energies Solid<dim>::energies() const
   }
   if (!beam_)
     share_.for_own([&](std::size_t n) { kinetic.add(0.5 * nodes_.m[n] * norm_squared(nodes_.v[n])); });
-  const auto add = [&](const std::vector<double>& works, ExactSum& sum)
-  {
-    share_.for_own(0, works.size(),
-                   [&](std::size_t n)
-                   {
-                     if (works[n] != 0.0)
-                       sum.add(works[n]);
-                   });
-  };
-  add(external_work_, external);
-  add(interface_work_, interface);
-  add(viscous_work_, viscous);
-  add(contact_work_, contact);
+  add_works(external_work_, external);
+  add_works(interface_work_, interface);
+  add_works(viscous_work_, viscous);
+  add_works(contact_work_, contact);
   for (const auto& body : bodies_)
     add_stored_energy(body, std::span<const Vec<dim>>(nodes_.u), stored);
   ranks().sum({&kinetic, &external, &interface, &viscous, &contact, &stored.strain, &stored.hourglass,

@@ -36,7 +36,7 @@ template <int dim>
 Participant participant(const std::string& role, fluid::Fluid<dim>& fluid)
 {
   return {.role = role, .serve = [&fluid](link::SolverLink& link) {
-            fluid::run_coupled<dim>(fluid, link, [](double, const fluid::Fluid<dim>&, bool) {});
+            fluid::run_coupled<dim>(fluid, link, 0.0, [](double, const fluid::Fluid<dim>&, bool) {});
           }};
 }
 
