@@ -241,6 +241,7 @@ private:
   double energy_with(std::span<const Vec<dim>> v_half) const;
   void update_spacing(const KnownNodes& known);
   void triangulate();
+  std::vector<char> slice_of_rank();
   double halo_width() const;
   KnownNodes look_around();
   void follow_changes(const SpacingReport& spacing, KnownNodes& known) const;
