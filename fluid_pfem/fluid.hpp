@@ -231,6 +231,7 @@ private:
   void find_half_step_velocity();
   void update_spacing(const KnownNodes& known);
   void triangulate();
+  std::vector<char> slice_of_rank();
   double halo_width() const;
   KnownNodes look_around();
   void follow_changes(const SpacingReport& spacing, KnownNodes& known) const;

@@ -347,12 +347,37 @@ void Fluid<dim>::update_spacing(const KnownNodes& known)
   coarsest_ = ranks().max(coarsest_);
 }
 
+/// The nodes around which this rank makes the first triangulation: a slice across the longest axis. Empty on
+/// one rank.
+template <int dim>
+std::vector<char> Fluid<dim>::slice_of_rank()
+{
+  std::vector<char> mine;
+  if (ranks().alone())
+    return mine;
+  choose_slow_axis();
+  std::vector<index_t> along(nodes_.x.size());
+  std::iota(along.begin(), along.end(), 0);
+  std::sort(along.begin(), along.end(),
+            [this](index_t a, index_t b)
+            {
+              const double x = nodes_.x[static_cast<std::size_t>(a)][slow_axis_],
+                           y = nodes_.x[static_cast<std::size_t>(b)][slow_axis_];
+              return x != y ? x < y : a < b;
+            });
+  mine.assign(along.size(), 0);
+  const auto [begin, end] = rows_of_rank(along.size(), ranks());
+  for (std::size_t k = begin; k < end; ++k)
+    mine[static_cast<std::size_t>(along[k])] = 1;
+  return mine;
+}
+
 template <int dim>
 void Fluid<dim>::triangulate()
 {
   collect(); // where a solid is met there was a mesh before
   cool();
-  std::vector<Simplex<dim>> delaunay = triangulation({}, {});
+  std::vector<Simplex<dim>> delaunay = triangulation(slice_of_rank(), {}); // of this rank
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
     std::erase_if(elements,
@@ -363,23 +388,21 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(nodes_.period.wrapped(centroid));
                   });
-  elements = part_of_all(std::move(elements));
   renumber(delaunay, order_nodes(elements));
-  connect_mesh(std::move(elements));
+  elements = sorted_elements<dim>(std::move(elements));
+  connect_mesh(elements);
   finish_mesh();
   collected_ = ranks().alone();
   collect();
   nodes_.M = nodes_.m;
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x,
-                                              mesh_.elements, config_.element_size, config_.remesh.shape);
-  gaps_ = std::move(choice.gaps);
-  std::erase_if(choice.elements,
-                [this](const Simplex<dim>& e) {
-                  return std::binary_search(mesh_.elements.begin(), mesh_.elements.end(), canonical<dim>(e));
-                });
-  const auto empty = sorted_elements<dim>(std::move(choice.elements));
-  gaps_.insert(gaps_.end(), empty.begin(), empty.end());
+  ShapeChoice<dim> choice =
+      choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x, own_elements(),
+                        config_.element_size, config_.remesh.shape, ranks());
+  std::erase_if(choice.elements, [&elements](const Simplex<dim>& e)
+                { return std::binary_search(elements.begin(), elements.end(), canonical<dim>(e)); });
+  choice.gaps.insert(choice.gaps.end(), choice.elements.begin(), choice.elements.end());
+  gaps_ = sorted_elements<dim>(ranks().gather(choice.gaps));
   find_ghosts(); // now with the gaps
   x_remesh_ = nodes_.x;
   collected_ = ranks().alone();
