@@ -92,8 +92,10 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
     archive("initial_potential", initial_potential);
     archive("rows", rows);
   };
-  const auto report = [&](bool surface_changed)
+  const auto report = [&](bool surface_changed, bool row)
   {
+    if (row)
+      balance.take(fluid);
     link::Report r = report_of(fluid, balance, initial_potential);
     r.surface_changed = surface_changed;
     r.wait_seconds = link.wait_seconds();
@@ -119,10 +121,9 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
   if (!persistence.restarts())
     observe(setup.t_begin, fluid, true);
   std::vector<double> f_link(fluid.interface_velocity().size());
-  balance.take(fluid);
   if (!persistence.restarts())
     rows.written(setup.t_begin);
-  report(false);
+  report(false, true);
 
   bool stop_asked = false;
   while (const auto window = link.next_window())
@@ -177,20 +178,18 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
     {
       at_begin->read_back();
       state(*at_begin);
-      report(false);
+      report(false, false);
       continue;
     }
     observe(window->t_end, fluid, window->output);
-    if (window->last || rows.due(window->t_end, window->t_end - window->t_begin))
-    {
-      balance.take(fluid);
+    const bool row = window->last || rows.due(window->t_end, window->t_end - window->t_begin);
+    if (row)
       rows.written(window->t_end);
-    }
 
     const bool remesh = !window->last && fluid.is_distorted();
     if (remesh && !sees_solid)
       fluid.remesh();
-    report(remesh);
+    report(remesh, row);
     if (remesh && sees_solid)
     {
       fluid.meet_solid(link.receive_surface());
@@ -202,7 +201,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
       link.send_mesh_update(fluid.wet_surface());
     }
     if (remesh && sees_solid)
-      report(false);
+      report(false, row);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include "common/coupling/messages.hpp"
 #include "common/io/state_archive.hpp"
+#include "common/parallel/exact_sum.hpp"
 #include "solid_fe/beam.hpp"
 #include "solid_fe/body.hpp"
 #include "solid_fe/boundary_conditions.hpp"

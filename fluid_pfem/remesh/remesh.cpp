@@ -186,7 +186,7 @@ void Fluid<dim>::remesh()
       x = nodes_.period.wrapped(x);
   pass_openings();
   find_half_step_velocity();
-  const double before = energy_with(v_half_);
+  const double before = energy_of_state(ranks().alone(), v_half_).total();
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing(known);
@@ -298,7 +298,7 @@ void Fluid<dim>::remesh()
   ledger_.split += spacing.split;
   ledger_.created += choice.created.value();
   ledger_.dropped += choice.dropped.value();
-  const double jump = energy_with(v_half_) - before;
+  const double jump = energy_of_state(ranks().alone(), v_half_).total() - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
   collected_ = ranks().alone();
 }
@@ -325,20 +325,6 @@ void Fluid<dim>::find_half_step_velocity()
   const auto [begin, end] = rows_to_sum(ranks().alone());
   for (std::size_t n = begin; n < end; ++n)
     v_half_[n] = nodes_.v[n] - 0.5 * dt_before_ * nodes_.a[n];
-}
-
-/// Kinetic, of the given velocities, internal and potential energy [J]. Collective.
-template <int dim>
-double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
-{
-  ExactSum kinetic;
-  const auto [begin, end] = rows_to_sum(ranks().alone());
-  for (std::size_t n = begin; n < end; ++n)
-    kinetic.add(0.5 * nodes_.M[n] * norm_squared(v_half[n]));
-  ranks().sum({&kinetic});
-  FluidEnergy e = energy_of_parts(ranks().alone());
-  e.kinetic = kinetic.value();
-  return e.total();
 }
 
 /// Collective.
