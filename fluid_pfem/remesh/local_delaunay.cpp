@@ -95,30 +95,27 @@ template <int dim>
 void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
                                 const std::vector<index_t>* among)
 {
+  if (mine.empty())
+  {
+    if (!whole_)
+      forget();
+    whole_ = true;
+    return delaunay_.update(x, 2.0 * reach);
+  }
   constexpr bool repairs = dim == 2;
-  std::vector<index_t> needed; // of all points: none, for numbers are places
-  if (!mine.empty())
-    needed = points_near<dim>(x, mine, reach, among);
+  const std::vector<index_t> needed = points_near<dim>(x, mine, reach, among);
   place_.resize(x.size(), -1);
   const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
-  if (!repairs || lost || whole_ != mine.empty() || (mine.empty() && number_.size() != x.size()) ||
+  if (!repairs || lost || whole_ ||
       std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
   {
     delaunay_.forget();
-    whole_ = mine.empty();
-    if (whole_)
-    {
-      number_.resize(x.size());
-      std::iota(number_.begin(), number_.end(), 0);
-    }
-    else
-      number_ = points_near<dim>(x, mine, spare * reach, among);
+    whole_ = false;
+    number_ = points_near<dim>(x, mine, spare * reach, among);
     place_.assign(x.size(), -1);
     for (std::size_t k = 0; k < number_.size(); ++k)
       place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
   }
-  if (whole_)
-    return delaunay_.update(x, 2.0 * reach);
   std::vector<Vec<dim>> taken;
   taken.reserve(number_.size());
   for (const index_t n : number_)
@@ -133,8 +130,9 @@ std::vector<Simplex<dim>> LocalDelaunay<dim>::simplices(std::span<const char> mi
   std::size_t kept = 0;
   for (Simplex<dim> e : simplices)
   {
-    for (index_t& n : e)
-      n = number_[static_cast<std::size_t>(n)];
+    if (!whole_)
+      for (index_t& n : e)
+        n = number_[static_cast<std::size_t>(n)];
     if (mine.empty() || mine[static_cast<std::size_t>(*std::min_element(e.begin(), e.end()))])
       simplices[kept++] = canonical<dim>(e);
   }
@@ -146,8 +144,8 @@ template <int dim>
 void LocalDelaunay<dim>::forget()
 {
   delaunay_.forget();
-  number_.clear();
-  place_.clear();
+  number_ = std::vector<index_t>();
+  place_ = std::vector<index_t>();
 }
 
 template <int dim>
@@ -160,6 +158,8 @@ void LocalDelaunay<dim>::merge(index_t kept, index_t gone)
 template <int dim>
 void LocalDelaunay<dim>::split(index_t i, index_t j, index_t added)
 {
+  if (whole_)
+    return delaunay_.split(i, j, added);
   place_.resize(static_cast<std::size_t>(added) + 1, -1);
   if (here(i) < 0 || here(j) < 0)
     return;
@@ -179,6 +179,8 @@ void LocalDelaunay<dim>::remove(index_t gone)
 template <int dim>
 void LocalDelaunay<dim>::renumber(std::span<const index_t> new_number)
 {
+  if (whole_)
+    return delaunay_.renumber(new_number);
   // Places stay in the order of the numbers: of points that coincide the one of the lowest number counts.
   place_.assign(new_number.size(), -1);
   for (std::size_t k = 0; k < number_.size(); ++k) // the old ones first

@@ -40,7 +40,7 @@ public:
   /// reach/2 is missing or wrong.
   std::vector<Simplex<dim>> simplices(std::span<const char> mine) const;
   const DelaunayCount& count() const { return delaunay_.count(); }
-  /// Points in the triangulation.
+  /// Points in the triangulation of a part.
   std::size_t size() const { return number_.size(); }
   void forget();
 
@@ -53,12 +53,14 @@ public:
 private:
   index_t here(index_t n) const
   {
+    if (whole_)
+      return n;
     return static_cast<std::size_t>(n) < place_.size() ? place_[static_cast<std::size_t>(n)] : -1;
   }
 
   MovingDelaunay<dim> delaunay_;
-  std::vector<index_t> number_; ///< of each point taken, ascending
-  std::vector<index_t> place_;  ///< among them, of each point; −1: not taken
+  std::vector<index_t> number_; ///< of each point taken, ascending; empty: all
+  std::vector<index_t> place_;  ///< among them, of each point; −1: not taken; empty: all
   bool whole_ = false;          ///< all were asked for
 };
 

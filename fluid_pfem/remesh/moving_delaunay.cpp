@@ -82,10 +82,12 @@ template class MovingDelaunay<3>;
 
 void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
 {
-  at_vertex_.clear();
-  const bool known = !triangles_.empty() && x_.size() == x.size() + frame;
-  x_.resize(x.size() + frame);
-  std::copy(x.begin(), x.end(), x_.begin() + frame);
+  at_vertex_ = std::vector<index_t>();
+  const bool known = !triangles_.empty() && points_ == x.size();
+  points_ = x.size();
+  x_.reserve(frame + points_);
+  x_.assign(corner_.begin(), corner_.end());
+  x_.insert(x_.end(), x.begin(), x.end());
   if (known && repair())
     ++count_.repairs;
   else
@@ -93,6 +95,8 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
     rebuild(extent);
     ++count_.rebuilds;
   }
+  x_ = std::vector<Vec<2>>(); // where memory is short
+  positive_ = std::vector<char>();
 }
 
 std::vector<Simplex<2>> MovingDelaunay<2>::simplices() const
@@ -118,7 +122,8 @@ void MovingDelaunay<2>::rebuild(double least_extent)
   const double extent = std::max({upper[0] - lower[0], upper[1] - lower[1], least_extent, 1e-12});
   const Vec<2> centre = 0.5 * (lower + upper);
   for (std::size_t k = 0; k < frame; ++k)
-    x_[k] = centre + Vec<2>{{k & 1 ? 32.0 * extent : -32.0 * extent, k & 2 ? 31.0 * extent : -33.0 * extent}};
+    corner_[k] = x_[k] =
+        centre + Vec<2>{{k & 1 ? 32.0 * extent : -32.0 * extent, k & 2 ? 31.0 * extent : -33.0 * extent}};
 
   const std::vector<Simplex<2>> all = delaunay(x_);
   triangles_.resize(all.size());
@@ -279,7 +284,7 @@ void MovingDelaunay<2>::find_vertices()
 {
   if (!at_vertex_.empty())
     return;
-  at_vertex_.assign(x_.size(), -1);
+  at_vertex_.assign(frame + points_, -1);
   for (std::size_t t = 0; t < triangles_.size(); ++t)
     for (const index_t v : triangles_[t].v)
       at_vertex_[static_cast<std::size_t>(v)] = static_cast<index_t>(t);
@@ -426,7 +431,7 @@ void MovingDelaunay<2>::split(index_t i, index_t j, index_t added)
   if (static_cast<std::size_t>(m) >= at_vertex_.size())
   {
     at_vertex_.resize(static_cast<std::size_t>(m) + 1, -1);
-    x_.resize(static_cast<std::size_t>(m) + 1);
+    points_ = static_cast<std::size_t>(added) + 1;
   }
   at_vertex_[static_cast<std::size_t>(m)] = at_vertex_[static_cast<std::size_t>(i)] = t;
   at_vertex_[static_cast<std::size_t>(j)] = s;
@@ -456,9 +461,8 @@ void MovingDelaunay<2>::renumber(std::span<const index_t> new_number)
       triangles_[static_cast<std::size_t>(place[t])] = p;
     }
   triangles_.resize(static_cast<std::size_t>(kept));
-  x_.resize(static_cast<std::size_t>(frame) +
-            static_cast<std::size_t>(
-                std::count_if(new_number.begin(), new_number.end(), [](index_t n) { return n >= 0; })));
+  points_ = static_cast<std::size_t>(
+      std::count_if(new_number.begin(), new_number.end(), [](index_t n) { return n >= 0; }));
 }
 
 } // namespace undine::fluid

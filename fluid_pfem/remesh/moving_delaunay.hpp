@@ -89,7 +89,9 @@ private:
   bool ring(index_t v, std::vector<index_t>& triangles) const;
   void collapse(index_t kept, index_t gone);
 
-  std::vector<Vec<2>> x_;
+  std::array<Vec<2>, frame> corner_{}; ///< of the square
+  std::size_t points_ = 0;
+  std::vector<Vec<2>> x_;           ///< of the corners and the points, during an update
   std::vector<Triangle> triangles_; ///< empty: rebuild
   bool complete_ = false;           ///< all points are vertices: no two coincided at the last rebuild
   std::vector<char> positive_;      ///< of each triangle, during a repair

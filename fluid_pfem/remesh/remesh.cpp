@@ -190,6 +190,12 @@ void Fluid<dim>::remesh()
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing(known);
+  // What is found anew with the mesh makes room: a remesh is when most memory is needed.
+  workspace_ = {};
+  quality_ = std::vector<float>();
+  mass_rate_ = std::vector<double>();
+  exchange_energy_ = std::vector<double>(); // booked
+  mesh_.fans = std::vector<FanEntry<dim>>();
   const auto [old_begin, old_end] = rows_to_sum(ranks().alone());
   const auto own_rows = [](const auto& field, std::size_t begin, std::size_t end)
   {
@@ -281,11 +287,12 @@ void Fluid<dim>::remesh()
   std::vector<char> moved = moved_nodes(old, number, spacing);
   connect_mesh(std::move(choice.elements));
   pass_rows(held, moved);
+  const std::vector<Simplex<dim>> changed = changed_elements(std::move(old_elements), moved, number);
   // At the full step, nodes pressed against a wall carry half a kick into it that is not theirs to give.
   find_half_step_velocity();
   std::vector<double> V_before(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end());
   finish_mesh();
-  hand_over_mass(changed_elements(std::move(old_elements), moved, number), old, number, V_before, v_half_);
+  hand_over_mass(changed, old, number, V_before, v_half_);
   old = {}; // here a remesh needs most memory
   number = std::vector<index_t>();
   V_before = std::vector<double>();
