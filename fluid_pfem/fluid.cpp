@@ -255,11 +255,15 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
-  std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
+  if constexpr (dim == 3)
+    std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
   if (!has_interface())
     return;
   const Share whole{.node_begin = 0, .node_end = nodes_.size()};
-  add_element_volumes<dim>(mesh_, nullptr, 0, e_layer_, whole, nodes_);
+  if constexpr (dim == 2)
+    update_nodal_volumes(mesh_, 0, n_layer_, nodes_);
+  else
+    add_element_volumes(mesh_, nullptr, 0, e_layer_, whole, nodes_);
   check_state(update_state(0, n_layer_));
   record_nodes<dim>(nodes_, config_.terms, 0, n_layer_, sums_);
   for (index_t e = 0; e < e_wet_; e += element_block)
@@ -280,15 +284,25 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
       [&](const Share& share)
       {
         index_t bad = -1;
-        sweep(
-            mesh_, share, has_interface(), e_layer_, n_layer_,
-            [&](const index_t* list, index_t begin, index_t end)
-            { add_element_volumes<dim>(mesh_, list, begin, end, share, nodes_); },
-            [&](index_t begin, index_t end)
-            {
-              bad = std::max(bad, update_state(begin, end));
-              record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
-            });
+        const auto take = [&](index_t begin, index_t end)
+        {
+          bad = std::max(bad, update_state(begin, end));
+          record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+        };
+        if constexpr (dim == 2)
+          for (index_t n = std::max(share.node_begin, n_layer_); n < share.node_end;)
+          {
+            const index_t end = std::min((n / element_block + 1) * element_block, share.node_end);
+            update_nodal_volumes(mesh_, n, end, nodes_);
+            take(n, end);
+            n = end;
+          }
+        else
+          sweep(
+              mesh_, share, has_interface(), e_layer_, n_layer_,
+              [&](const index_t* list, index_t begin, index_t end)
+              { add_element_volumes(mesh_, list, begin, end, share, nodes_); },
+              take);
         bad_[team_.number(share)] = bad;
       });
   check_state(*std::max_element(bad_.begin(), bad_.end()));
