@@ -205,23 +205,23 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
                              double floor, const Team& team, Halo& halo, StepWorkspace& workspace)
 {
   const index_t n_nodes = nodes.size();
-  // Column sums, and these times the stiffness of their node.
-  std::vector<double>&stiffness = workspace.stiffness, &column = workspace.column;
+  // Row sums of |B|, and column sums times the stiffness of their node.
+  std::vector<double>&stiffness = workspace.stiffness, &row_sum = workspace.row_sum;
   stiffness.resize(static_cast<std::size_t>(n_nodes));
-  column.resize(static_cast<std::size_t>(n_nodes));
+  row_sum.resize(static_cast<std::size_t>(n_nodes));
   constexpr bool by_rings = dim == 2 && !wraps;
-  constexpr double not_symmetric = -1.0; // rows of nodes on the boundary sum to something else
   team.each(
       [&](const Share& share)
       {
         RowOfB<dim, wraps> row;
-        const auto set = [&](index_t i, double sum)
+        const auto set = [&](index_t i, double of_row, double of_column)
         {
           const auto k = static_cast<std::size_t>(i);
-          column[k] = sum;
-          stiffness[k] = sum * tait.tangent_modulus(nodes.p[k]) /
+          row_sum[k] = of_row;
+          stiffness[k] = of_column * tait.tangent_modulus(nodes.p[k]) /
                          std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
         };
+        const auto set_both = [&](index_t i, double sum) { set(i, sum, sum); };
         [[maybe_unused]] EightRings rings;
         for (index_t i = share.node_begin; i < share.node_end; ++i)
         {
@@ -229,42 +229,77 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
             if (rings.take(mesh, nodes, i))
             {
               if (rings.full())
-                rings.sums(set);
+                rings.sums(set_both);
               continue;
             }
-          double sum = 0.0;
-          row.for_each(mesh, nodes, i, [&](index_t, double, double B_ji) { sum += B_ji; });
-          set(i, sum);
-          column[static_cast<std::size_t>(i)] = not_symmetric;
+          double of_row = 0.0, of_column = 0.0;
+          row.for_each(mesh, nodes, i,
+                       [&](index_t, double B_ij, double B_ji)
+                       {
+                         of_row += B_ij;
+                         of_column += B_ji;
+                       });
+          set(i, of_row, of_column);
         }
         if constexpr (by_rings)
-          rings.sums(set);
+          rings.sums(set_both);
       });
   halo.update(stiffness);
+  double stiffest = 0.0; // of all nodes in the rows here
+  const auto look = [&](index_t n) { stiffest = std::max(stiffest, stiffness[static_cast<std::size_t>(n)]); };
+  for (index_t n = team.node_begin(); n < team.node_end(); ++n)
+    look(n);
+  for (const auto& ghosts : halo.received())
+    std::for_each(ghosts.begin(), ghosts.end(), look);
   workspace.largest.assign(team.shares().size(), 0.0);
   team.each(
       [&](const Share& share)
       {
         RowOfB<dim, wraps> row;
         double largest = 0.0;
-        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        const auto see = [&](index_t i)
         {
-          const auto n = static_cast<std::size_t>(i);
-          if (column[n] >= 0.0) // its row sums to the same: is it worth a look?
-          {
-            double most = 0.0;
-            for (const auto& entry : mesh.fan(i))
-              most = std::max(most, stiffness[static_cast<std::size_t>(entry.opposite[0])]);
-            constexpr double beyond_rounding = 1.0 + 1e-12;
-            if (column[n] * most * beyond_rounding < largest * nodes.inertia[n])
-              continue;
-          }
           double sum = 0.0;
           row.for_each(mesh, nodes, i,
                        [&](index_t j, double B_ij, double)
                        { sum += B_ij * stiffness[static_cast<std::size_t>(j)]; });
           if (sum > 0.0)
-            largest = std::max(largest, sum / nodes.inertia[n]);
+            largest = std::max(largest, sum / nodes.inertia[static_cast<std::size_t>(i)]);
+        };
+        // A row sums to no more than it would with the stiffest of its nodes: is it worth a look? The first
+        // looks go where the largest is likely to be, so that few more are needed.
+        const auto may_be_larger = [&](std::size_t n, double most)
+        {
+          constexpr double beyond_rounding = 1.0 + 1e-12;
+          return !(row_sum[n] * most * beyond_rounding < largest * nodes.inertia[n]);
+        };
+        double likely = -1.0;
+        index_t begin = share.node_begin;
+        for (index_t i = share.node_begin; i < share.node_end; ++i)
+          if (const auto n = static_cast<std::size_t>(i);
+              row_sum[n] * stiffness[n] > likely * nodes.inertia[n])
+          {
+            likely = row_sum[n] * stiffness[n] / nodes.inertia[n];
+            begin = i;
+          }
+        if (begin < share.node_end)
+        {
+          see(begin);
+          for (const auto& entry : mesh.fan(begin))
+            if (share.owns(entry.opposite[0]))
+              see(entry.opposite[0]);
+        }
+        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        {
+          const auto n = static_cast<std::size_t>(i);
+          if (!may_be_larger(n, stiffest))
+            continue;
+          double most = stiffness[n];
+          for (const auto& entry : mesh.fan(i))
+            for (const index_t j : entry.opposite)
+              most = std::max(most, stiffness[static_cast<std::size_t>(j)]);
+          if (may_be_larger(n, most))
+            see(i);
         }
         workspace.largest[team.number(share)] = largest;
       });

@@ -16,7 +16,7 @@ namespace undine::fluid
 /// Arrays that are kept from one evaluation to the next, so that a step allocates nothing.
 struct StepWorkspace
 {
-  std::vector<double> stiffness, column, shear;
+  std::vector<double> stiffness, row_sum, shear;
   std::vector<double> largest; ///< ω² of each share
 };
 

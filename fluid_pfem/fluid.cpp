@@ -174,14 +174,21 @@ void Fluid<dim>::predict_position(double dt)
   team_.each(
       [&](const Share& share)
       {
-        double fastest = 0.0; // squared
-        for (auto i = static_cast<std::size_t>(share.node_begin);
-             i < static_cast<std::size_t>(share.node_end); ++i)
+        constexpr index_t side_by_side = 8;
+        std::array<double, side_by_side> fastest{}; // squared
+        const auto move = [&](index_t n, double& speed)
         {
-          fastest = std::max(fastest, norm_squared(nodes_.v[i]));
+          const auto i = static_cast<std::size_t>(n);
+          speed = std::max(speed, norm_squared(nodes_.v[i]));
           nodes_.x[i] += dt * nodes_.v[i];
-        }
-        fastest_[team_.number(share)] = fastest;
+        };
+        index_t n = share.node_begin;
+        for (; n + side_by_side <= share.node_end; n += side_by_side)
+          for (index_t k = 0; k < side_by_side; ++k)
+            move(n + k, fastest[static_cast<std::size_t>(k)]);
+        for (; n < share.node_end; ++n)
+          move(n, fastest[0]);
+        fastest_[team_.number(share)] = *std::max_element(fastest.begin(), fastest.end());
       });
   halo_.update(nodes_.x);
   const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));
@@ -585,23 +592,39 @@ FluidEnergy Fluid<dim>::energy() const
   return energy_of_parts(collected_);
 }
 
+/// Kinetic, internal and potential energy.
 /// @param whole every rank sums over all nodes, without asking the others
+/// @param v_half velocities of which the kinetic energy is taken; empty: the mean of those before and after
+/// the present half steps
 template <int dim>
-FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
+FluidEnergy Fluid<dim>::energy_of_state(bool whole, std::span<const Vec<dim>> v_half) const
 {
   const Vec<dim> g = gravity();
-  ExactSum kinetic, internal, potential, exchanged, wall_work = contact_.work();
+  ExactSum kinetic, internal, potential;
   const auto [begin, end] = rows_to_sum(whole);
   for (std::size_t i = begin; i < end; ++i)
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
-    kinetic.add(0.5 * nodes_.M[i] * dot(nodes_.v[i] - kick, nodes_.v[i] + kick));
+    kinetic.add(0.5 * nodes_.M[i] *
+                (v_half.empty() ? dot(nodes_.v[i] - kick, nodes_.v[i] + kick) : norm_squared(v_half[i])));
     const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
                         nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
     if (!opened)
       internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
     potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
   }
+  if (!whole)
+    ranks().sum({&kinetic, &internal, &potential});
+  return {.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
+}
+
+/// @param whole every rank sums over all nodes, without asking the others
+template <int dim>
+FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
+{
+  FluidEnergy e = energy_of_state(whole, {});
+  ExactSum exchanged, wall_work = contact_.work();
+  const auto [begin, end] = rows_to_sum(whole);
   if (whole && !ranks().alone())
     exchanged = exchange_of_all_;
   else
@@ -610,10 +633,9 @@ FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
   std::vector<double> heat = sums_.heat;
   if (!whole)
   {
-    ranks().sum({&kinetic, &internal, &potential, &exchanged, &wall_work});
+    ranks().sum({&exchanged, &wall_work});
     ranks().gather_rows(heat, blocks_of_ranks());
   }
-  FluidEnergy e{.kinetic = kinetic.value(), .internal = internal.value(), .potential = potential.value()};
   e.dissipated = std::accumulate(heat.begin(), heat.end(), dissipated_);
   e.exchanged = exchanged_ + exchanged.value();
   e.remesh_gain = remesh_gain_;

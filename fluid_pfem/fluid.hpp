@@ -222,15 +222,16 @@ private:
   /// The rank that has the wet nodes, if there are any.
   bool has_interface() const { return n_wet_ > 0 && ranks().rank() == 0; }
   index_t n_wet_here() const { return has_interface() ? n_wet_ : 0; }
+  FluidEnergy energy_of_state(bool whole, std::span<const Vec<dim>> v_half) const;
   FluidEnergy energy_of_parts(bool whole) const;
   /// Nodes over which this rank sums: its own, or all.
   std::array<std::size_t, 2> rows_to_sum(bool whole) const;
   std::vector<index_t> blocks_of_ranks() const;
   void push_off_walls(double dt);
   void find_half_step_velocity();
-  double energy_with(std::span<const Vec<dim>> v_half) const;
   void update_spacing(const KnownNodes& known);
   void triangulate();
+  std::vector<char> slice_of_rank();
   double halo_width() const;
   KnownNodes look_around();
   void follow_changes(const SpacingReport& spacing, KnownNodes& known) const;
@@ -269,8 +270,6 @@ private:
   void pass_openings();
   void find_impedance();
   void let_waves_out(double dt, bool book);
-  void take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                 std::span<Vec<dim>> v_half, index_t begin);
   void smooth_mass_defect(std::vector<Vec<dim>>& v_half);
   struct OnPieces
   {

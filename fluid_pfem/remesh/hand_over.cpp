@@ -33,6 +33,34 @@ Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& re
   return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
 }
 
+/// visit(j, n) for the neighbours j in a fan, each with the number n of elements on the edge to it; in space
+/// one by one. Elements of the plane, chained counter-clockwise, share the edges between them.
+template <int dim, class Visit>
+void for_each_edge(std::span<const FanEntry<dim>> fan, Visit&& visit)
+{
+  if constexpr (dim == 2)
+  {
+    if (fan.empty())
+      return;
+    const bool closed = fan.back().opposite[1] == fan.front().opposite[0];
+    index_t before = closed ? fan.back().opposite[1] : -1; // where the last element ends, unless it was seen
+    for (const auto& [element, opposite] : fan)
+    {
+      const bool joined = before == opposite[0];
+      if (before >= 0 && !joined)
+        visit(before, 1.0);
+      visit(opposite[0], joined ? 2.0 : 1.0);
+      before = opposite[1];
+    }
+    if (!closed)
+      visit(before, 1.0);
+  }
+  else
+    for (const auto& entry : fan)
+      for (const index_t j : entry.opposite)
+        visit(j, 1.0);
+}
+
 /// Patches of elements: nodes that share an element belong together.
 template <int dim>
 Patches patches_of(std::size_t n_nodes, const std::vector<Simplex<dim>>& elements)
@@ -387,91 +415,68 @@ Vec<dim> Fluid<dim>::as_it_may(Vec<dim> dv, std::size_t n) const
   return dv - contact_.into_walls(nodes_.x[n], near, dv) + contact_.into_walls(nodes_.x[n], near, -1.0 * dv);
 }
 
-/// Add what has been passed to nodes begin, … , row by row, to the particle masses. Nodes keep their
+/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
+/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Nodes keep their
 /// velocities, which conserves momentum of a linear field, unless that would raise the kinetic energy: then a
 /// receiver takes over as much of the velocity it received as keeps it. The coupler knows the velocity of wet
-/// nodes; they keep it.
-template <int dim>
-void Fluid<dim>::take_mass(std::span<const double> dM, std::span<const Received<dim>> received,
-                           std::span<Vec<dim>> v_half, index_t begin)
-{
-  for (std::size_t k = 0; k < dM.size(); ++k)
-  {
-    const std::size_t n = static_cast<std::size_t>(begin) + k;
-    nodes_.M[n] += dM[k];
-    if (static_cast<index_t>(n) < n_wet_)
-      continue;
-    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[n], v_half[n], received[k]);
-    v_half[n] += dv;
-    nodes_.v[n] += dv;
-  }
-}
-
-/// Spread M − m over neighbours, conserving ΣM: the feedback then acts on the smooth part and makes no noise.
-/// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Collective:
-/// each rank sweeps over its nodes.
+/// nodes; they keep it. Collective: each rank sweeps over its nodes.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
-  const auto own_begin = static_cast<std::size_t>(team_.node_begin()),
-             own = static_cast<std::size_t>(team_.node_end()) - own_begin;
-  std::vector<double> share_of_edge(nodes_.x.size()), dM(own); // per edge of an element
-  std::vector<Received<dim>> received(own);
+  struct Row // of a node at the begin of a sweep
+  {
+    double defect, M, share; // M if it has any to give; part that goes along an edge of an element
+    Vec<dim> v;
+  };
+  std::vector<Row> rows(nodes_.x.size());
+  const auto begin_sweep = [&](const Share& share)
+  {
+    for (index_t n = share.node_begin; n < share.node_end; ++n)
+    {
+      const auto i = static_cast<std::size_t>(n);
+      rows[i].defect = nodes_.M[i] - nodes_.m[i];
+      rows[i].M = std::max(nodes_.M[i], 0.0);
+      rows[i].v = v_half[i];
+    }
+  };
+  const auto exchange = [&](const Share& share)
+  {
+    for (index_t n = share.node_begin; n < share.node_end; ++n)
+    {
+      const auto i = static_cast<std::size_t>(n);
+      const Row& here = rows[i];
+      double dM = 0.0;
+      Received<dim> received;
+      for_each_edge<dim>(mesh_.fan(n),
+                         [&](index_t j, double elements)
+                         {
+                           const Row& there = rows[static_cast<std::size_t>(j)];
+                           const double s = elements * std::min(here.share, there.share),
+                                        more = there.defect - here.defect,
+                                        in = s * std::min(std::max(more, 0.0), there.M),
+                                        out = s * std::min(std::max(-more, 0.0), here.M);
+                           dM += in - out;
+                           received.mass += in;
+                           received.momentum += in * there.v;
+                           received.energy += 0.5 * in * norm_squared(there.v);
+                         });
+      nodes_.M[i] += dM;
+      if (n < n_wet_)
+        continue;
+      const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], here.v, received);
+      v_half[i] += dv;
+      nodes_.v[i] += dv;
+    }
+  };
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
     if (!mesh_.isolated(n))
-      share_of_edge[static_cast<std::size_t>(n)] = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
-  halo_.update(share_of_edge);
-  halo_.update(nodes_.M, v_half);
-  const auto defect = [this](std::size_t n) { return nodes_.M[n] - nodes_.m[n]; };
-  const auto add = [&](const Simplex<dim>& e, const Share& share)
-  {
-    for (std::size_t a = 0; a <= dim; ++a)
-      for (std::size_t b = a + 1; b <= dim; ++b)
-      {
-        const auto i = static_cast<std::size_t>(e[a]), j = static_cast<std::size_t>(e[b]);
-        const bool forward = defect(i) > defect(j);
-        const std::size_t from = forward ? i : j, to = forward ? j : i;
-        const double s = std::min(share_of_edge[i], share_of_edge[j]),
-                     mass = s * std::min(defect(from) - defect(to), std::max(nodes_.M[from], 0.0));
-        if (share.owns(static_cast<index_t>(from)))
-          dM[from - own_begin] -= mass;
-        if (!share.owns(static_cast<index_t>(to)))
-          continue;
-        dM[to - own_begin] += mass;
-        Received<dim>& there = received[to - own_begin];
-        there.mass += mass;
-        there.momentum += mass * v_half[from];
-        there.energy += 0.5 * mass * norm_squared(v_half[from]);
-      }
-  };
-  const auto rows = [&](const Share& share)
-  {
-    const std::size_t first = static_cast<std::size_t>(share.node_begin) - own_begin,
-                      count = static_cast<std::size_t>(share.node_end - share.node_begin);
-    return std::pair{std::span(dM).subspan(first, count), std::span(received).subspan(first, count)};
-  };
+      rows[static_cast<std::size_t>(n)].share = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
   for (int sweep = 0; sweep < sweeps; ++sweep)
   {
-    team_.each(
-        [&](const Share& share)
-        {
-          const auto [dM_of, received_of] = rows(share);
-          std::fill(dM_of.begin(), dM_of.end(), 0.0);
-          std::fill(received_of.begin(), received_of.end(), Received<dim>{});
-          for (const index_t e : share.before)
-            add(mesh_.elements[static_cast<std::size_t>(e)], share);
-          for (index_t e = share.element_begin; e < share.element_end; ++e)
-            add(mesh_.elements[static_cast<std::size_t>(e)], share);
-        });
-    team_.each(
-        [&](const Share& share)
-        {
-          const auto [dM_of, received_of] = rows(share);
-          take_mass(dM_of, received_of, v_half, share.node_begin);
-        });
-    if (sweep + 1 < sweeps)
-      halo_.update(nodes_.M, v_half);
+    team_.each(begin_sweep);
+    halo_.update(rows);
+    team_.each(exchange);
   }
 }
 

@@ -96,26 +96,29 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
                                 const std::vector<index_t>* among)
 {
   constexpr bool repairs = dim == 2;
-  std::vector<index_t> needed;
-  if (mine.empty())
-  {
-    needed.resize(x.size());
-    std::iota(needed.begin(), needed.end(), 0);
-  }
-  else
+  std::vector<index_t> needed; // of all points: none, for numbers are places
+  if (!mine.empty())
     needed = points_near<dim>(x, mine, reach, among);
   place_.resize(x.size(), -1);
   const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
-  if (!repairs || lost || whole_ != mine.empty() ||
+  if (!repairs || lost || whole_ != mine.empty() || (mine.empty() && number_.size() != x.size()) ||
       std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
   {
     delaunay_.forget();
     whole_ = mine.empty();
-    number_ = mine.empty() ? std::move(needed) : points_near<dim>(x, mine, spare * reach, among);
+    if (whole_)
+    {
+      number_.resize(x.size());
+      std::iota(number_.begin(), number_.end(), 0);
+    }
+    else
+      number_ = points_near<dim>(x, mine, spare * reach, among);
     place_.assign(x.size(), -1);
     for (std::size_t k = 0; k < number_.size(); ++k)
       place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
   }
+  if (whole_)
+    return delaunay_.update(x, 2.0 * reach);
   std::vector<Vec<dim>> taken;
   taken.reserve(number_.size());
   for (const index_t n : number_)
@@ -177,21 +180,20 @@ template <int dim>
 void LocalDelaunay<dim>::renumber(std::span<const index_t> new_number)
 {
   // Places stay in the order of the numbers: of points that coincide the one of the lowest number counts.
-  std::vector<std::array<index_t, 2>> order; // new number, old place
-  for (std::size_t k = 0; k < number_.size(); ++k)
-    if (const index_t n = new_number[static_cast<std::size_t>(number_[k])]; n >= 0)
-      order.push_back({n, static_cast<index_t>(k)});
-  if (!std::is_sorted(order.begin(), order.end()))
-    std::sort(order.begin(), order.end());
-  std::vector<index_t> new_place(number_.size(), -1);
   place_.assign(new_number.size(), -1);
-  number_.resize(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k)
-  {
-    number_[k] = order[k][0];
-    new_place[static_cast<std::size_t>(order[k][1])] = static_cast<index_t>(k);
-    place_[static_cast<std::size_t>(order[k][0])] = static_cast<index_t>(k);
-  }
+  for (std::size_t k = 0; k < number_.size(); ++k) // the old ones first
+    if (const index_t n = new_number[static_cast<std::size_t>(number_[k])]; n >= 0)
+      place_[static_cast<std::size_t>(n)] = static_cast<index_t>(k);
+  std::vector<index_t> new_place(number_.size(), -1);
+  number_.clear();
+  for (std::size_t n = 0; n < place_.size(); ++n)
+    if (index_t& k = place_[n]; k >= 0)
+    {
+      const auto now = static_cast<index_t>(number_.size());
+      new_place[static_cast<std::size_t>(k)] = now;
+      k = now;
+      number_.push_back(static_cast<index_t>(n));
+    }
   delaunay_.renumber(new_place);
 }
 

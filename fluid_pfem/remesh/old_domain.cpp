@@ -51,20 +51,18 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
   for (int i = 0; i < dim; ++i)
     box *= (upper[i] - lower[i]) / bin + 1.0;
   bin *= std::max(1.0, std::pow(box / (4.0 * static_cast<double>(x.size()) + 64.0), 1.0 / dim));
-  std::array<long, dim> cells;
-  std::size_t total = 1;
-  for (std::size_t i = 0; i < dim; ++i)
-  {
-    cells[i] = static_cast<long>((upper.c[i] - lower.c[i]) / bin) + 1;
-    total *= static_cast<std::size_t>(cells[i]);
-  }
+  const double bins_per_length = 1.0 / bin;
   const auto cell_of = [&](const Vec<dim>& p)
   {
     std::array<long, dim> cell;
     for (std::size_t i = 0; i < dim; ++i)
-      cell[i] = static_cast<long>(std::floor((p.c[i] - lower.c[i]) / bin));
+      cell[i] = static_cast<long>(std::floor((p.c[i] - lower.c[i]) * bins_per_length));
     return cell;
   };
+  std::array<long, dim> cells = cell_of(upper);
+  std::size_t total = 1;
+  for (long& count : cells)
+    total *= static_cast<std::size_t>(++count);
   const auto bin_of = [&](const std::array<long, dim>& cell)
   {
     std::size_t b = 0;
@@ -107,8 +105,15 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
       last[i] = std::min(last[i], cells[i] - 1);
       beside = beside || first[i] > last[i];
     }
+    if (beside)
+      return;
+    bool any = false;
+    for_each_cell<dim>(first, last,
+                       [&](const auto& cell) { any = any || begin[bin_of(cell)] < begin[bin_of(cell) + 1]; });
+    if (!any) // as mostly: queries are near boundaries
+      return;
     const double V = signed_volume<dim, double>(corner);
-    if (beside || !(V > 0.0))
+    if (!(V > 0.0))
       return;
     const double round_off = 1e-10 * V; // a point on the side of two elements lies in at least one
     for_each_cell<dim>(first, last,

@@ -159,16 +159,24 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
 {
   const Ranks& ranks = share.ranks;
   std::vector<Edge> close, far;
+  constexpr double beyond_rounding = 1.0 + 1e-12;
+  const double longest = std::min(rules.split, rules.split_wall),
+               surely_long = rules.merge * rules.merge * beyond_rounding,
+               surely_short = longest * longest / beyond_rounding;
   for (const auto& e : ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : share.elements)
     for (std::size_t a = 0; a <= dim; ++a)
       for (std::size_t b = a + 1; b <= dim; ++b)
       {
         const index_t i = std::min(e[a], e[b]), j = std::max(e[a], e[b]);
         const auto p = static_cast<std::size_t>(i), q = static_cast<std::size_t>(j);
-        const double h = std::min(nodes.h[p], nodes.h[q]), length = nodes.distance(p, q) / h;
+        const double h = std::min(nodes.h[p], nodes.h[q]);
+        if (const double square = norm_squared(nodes.period.near(nodes.x[p], nodes.x[q]) - nodes.x[p]);
+            square > surely_long * h * h && square < surely_short * h * h)
+          continue; // as nearly all, without a root
+        const double length = nodes.distance(p, q) / h;
         if (length < rules.merge)
           close.push_back({length, i, j});
-        else if (length > std::min(rules.split, rules.split_wall))
+        else if (length > longest)
           far.push_back({-length, i, j});
       }
   add_touching(nodes, wall_pieces, share, close);

@@ -186,7 +186,7 @@ void Fluid<dim>::remesh()
       x = nodes_.period.wrapped(x);
   pass_openings();
   find_half_step_velocity();
-  const double before = energy_with(v_half_);
+  const double before = energy_of_state(ranks().alone(), v_half_).total();
   if (!openings_.empty())
     update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing(known);
@@ -298,7 +298,7 @@ void Fluid<dim>::remesh()
   ledger_.split += spacing.split;
   ledger_.created += choice.created.value();
   ledger_.dropped += choice.dropped.value();
-  const double jump = energy_with(v_half_) - before;
+  const double jump = energy_of_state(ranks().alone(), v_half_).total() - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
   collected_ = ranks().alone();
 }
@@ -327,20 +327,6 @@ void Fluid<dim>::find_half_step_velocity()
     v_half_[n] = nodes_.v[n] - 0.5 * dt_before_ * nodes_.a[n];
 }
 
-/// Kinetic, of the given velocities, internal and potential energy [J]. Collective.
-template <int dim>
-double Fluid<dim>::energy_with(std::span<const Vec<dim>> v_half) const
-{
-  ExactSum kinetic;
-  const auto [begin, end] = rows_to_sum(ranks().alone());
-  for (std::size_t n = begin; n < end; ++n)
-    kinetic.add(0.5 * nodes_.M[n] * norm_squared(v_half[n]));
-  ranks().sum({&kinetic});
-  FluidEnergy e = energy_of_parts(ranks().alone());
-  e.kinetic = kinetic.value();
-  return e.total();
-}
-
 /// Collective.
 template <int dim>
 void Fluid<dim>::update_spacing(const KnownNodes& known)
@@ -361,12 +347,37 @@ void Fluid<dim>::update_spacing(const KnownNodes& known)
   coarsest_ = ranks().max(coarsest_);
 }
 
+/// The nodes around which this rank makes the first triangulation: a slice across the longest axis. Empty on
+/// one rank.
+template <int dim>
+std::vector<char> Fluid<dim>::slice_of_rank()
+{
+  std::vector<char> mine;
+  if (ranks().alone())
+    return mine;
+  choose_slow_axis();
+  std::vector<index_t> along(nodes_.x.size());
+  std::iota(along.begin(), along.end(), 0);
+  std::sort(along.begin(), along.end(),
+            [this](index_t a, index_t b)
+            {
+              const double x = nodes_.x[static_cast<std::size_t>(a)][slow_axis_],
+                           y = nodes_.x[static_cast<std::size_t>(b)][slow_axis_];
+              return x != y ? x < y : a < b;
+            });
+  mine.assign(along.size(), 0);
+  const auto [begin, end] = rows_of_rank(along.size(), ranks());
+  for (std::size_t k = begin; k < end; ++k)
+    mine[static_cast<std::size_t>(along[k])] = 1;
+  return mine;
+}
+
 template <int dim>
 void Fluid<dim>::triangulate()
 {
   collect(); // where a solid is met there was a mesh before
   cool();
-  std::vector<Simplex<dim>> delaunay = triangulation({}, {});
+  std::vector<Simplex<dim>> delaunay = triangulation(slice_of_rank(), {}); // of this rank
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
     std::erase_if(elements,
@@ -377,23 +388,21 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(nodes_.period.wrapped(centroid));
                   });
-  elements = part_of_all(std::move(elements));
   renumber(delaunay, order_nodes(elements));
-  connect_mesh(std::move(elements));
+  elements = sorted_elements<dim>(std::move(elements));
+  connect_mesh(elements);
   finish_mesh();
   collected_ = ranks().alone();
   collect();
   nodes_.M = nodes_.m;
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
-  ShapeChoice<dim> choice = choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x,
-                                              mesh_.elements, config_.element_size, config_.remesh.shape);
-  gaps_ = std::move(choice.gaps);
-  std::erase_if(choice.elements,
-                [this](const Simplex<dim>& e) {
-                  return std::binary_search(mesh_.elements.begin(), mesh_.elements.end(), canonical<dim>(e));
-                });
-  const auto empty = sorted_elements<dim>(std::move(choice.elements));
-  gaps_.insert(gaps_.end(), empty.begin(), empty.end());
+  ShapeChoice<dim> choice =
+      choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x, own_elements(),
+                        config_.element_size, config_.remesh.shape, ranks());
+  std::erase_if(choice.elements, [&elements](const Simplex<dim>& e)
+                { return std::binary_search(elements.begin(), elements.end(), canonical<dim>(e)); });
+  choice.gaps.insert(choice.gaps.end(), choice.elements.begin(), choice.elements.end());
+  gaps_ = sorted_elements<dim>(ranks().gather(choice.gaps));
   find_ghosts(); // now with the gaps
   x_remesh_ = nodes_.x;
   collected_ = ranks().alone();
