@@ -82,8 +82,8 @@ TEST_CASE("the triangulation of a periodic cell covers it once", "[fluid][unit]"
 
 // Truth: the sum of V_e/3 over the elements of a node, whatever it is in: closed fans, open ones, several,
 // none. A quarter of the triangles are taken away, the points are moved so far that some turn over, and two
-// ranges of nodes meet within a group of eight. Round-off: some twenty products of lengths of a ring, 2⁻⁵³
-// each.
+// ranges of nodes meet within a group of eight. Round-off: some twenty products of lengths of a ring,
+// three spacings, with coordinates ten times as large where the next cell begins, 2⁻⁵³ each.
 TEST_CASE("rings give the volumes that elements give", "[fluid][unit]")
 {
   std::mt19937_64 random(11);
