@@ -266,21 +266,38 @@ void Fluid<dim>::solve_free_motion_of_interface(double dt)
     std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
   if (!has_interface())
     return;
-  const Share whole{.node_begin = 0, .node_end = nodes_.size()};
+  const Share whole{.node_begin = 0, .node_end = nodes_.size()}; // rows of others are nobody's
+  const index_t layer_begin = team_.node_begin(), layer_end = std::min(n_layer_, team_.node_end()),
+                e_begin = team_.element_begin();
+  const auto earlier_than = [this](index_t e) // of other ranks
+  {
+    const auto& list = team_.earlier();
+    return static_cast<index_t>(std::lower_bound(list.begin(), list.end(), e) - list.begin());
+  };
   if constexpr (dim == 2)
-    update_nodal_volumes(mesh_, 0, n_layer_, nodes_);
+    update_nodal_volumes(mesh_, layer_begin, layer_end, nodes_);
   else
-    add_element_volumes(mesh_, nullptr, 0, e_layer_, whole, nodes_);
-  check_state(update_state(0, n_layer_));
-  record_nodes<dim>(nodes_, config_.terms, 0, n_layer_, sums_);
-  for (index_t e = 0; e < e_wet_; e += element_block)
-    add_element_forces(dt, nullptr, e, std::min(e + element_block, e_wet_), whole);
-  take_acceleration<dim>(nodes_, gravity(), 0, n_wet_, sums_,
-                         std::span(mass_rate_).first(static_cast<std::size_t>(n_wet_)));
-  add_body_force(0, n_wet_);
-  for (index_t n = 0; n < n_wet_; ++n)
+  {
+    if (const index_t count = earlier_than(e_layer_); count > 0)
+      add_element_volumes(mesh_, team_.earlier().data(), 0, count, whole, nodes_);
+    add_element_volumes(mesh_, nullptr, e_begin, std::min(e_layer_, team_.element_end()), whole, nodes_);
+  }
+  check_state(update_state(layer_begin, layer_end));
+  record_nodes<dim>(nodes_, config_.terms, layer_begin, layer_end, sums_);
+  layer_halo_.update(sums_.record, nodes_.m);
+  if (const index_t count = earlier_than(e_wet_); count > 0)
+    add_element_forces(dt, team_.earlier().data(), 0, count, whole);
+  const index_t e_end = std::min(e_wet_, team_.element_end());
+  for (index_t e = e_begin; e < e_end; e += element_block)
+    add_element_forces(dt, nullptr, e, std::min(e + element_block, e_end), whole);
+  const auto [begin, end] = wet_range();
+  take_acceleration<dim>(
+      nodes_, gravity(), begin, end, sums_,
+      std::span(mass_rate_).subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+  add_body_force(begin, end);
+  for (index_t n = begin; n < end; ++n)
     constrain(nodes_.a[static_cast<std::size_t>(n)], n);
-  kick(dt, 0, n_wet_);
+  kick(dt, begin, end);
 }
 
 template <int dim>
@@ -623,7 +640,7 @@ template <int dim>
 FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
 {
   FluidEnergy e = energy_of_state(whole, {});
-  ExactSum exchanged, wall_work = contact_.work();
+  ExactSum exchanged, wall_work = contact_.work(), interface_work = interface_work_;
   const auto [begin, end] = rows_to_sum(whole);
   if (whole && !ranks().alone())
     exchanged = exchange_of_all_;
@@ -633,7 +650,7 @@ FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
   std::vector<double> heat = sums_.heat;
   if (!whole)
   {
-    ranks().sum({&exchanged, &wall_work});
+    ranks().sum({&exchanged, &wall_work, &interface_work});
     ranks().gather_rows(heat, blocks_of_ranks());
   }
   e.dissipated = std::accumulate(heat.begin(), heat.end(), dissipated_);
@@ -641,7 +658,7 @@ FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
   e.remesh_gain = remesh_gain_;
   e.remesh_loss = remesh_loss_;
   e.wall_work = wall_work.value();
-  e.interface_work = interface_work_;
+  e.interface_work = interface_work.value();
   e.openings = openings_energy_;
   return e;
 }
@@ -692,6 +709,11 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
     cool();
     ranks().gather_rows(mass_rate_, team_.nodes_of_ranks());
     ranks().gather_rows(x_remesh_, team_.nodes_of_ranks());
+    std::vector<index_t> numbers = wet_of_ranks();
+    for (index_t& n : numbers)
+      n *= dim;
+    ranks().gather_rows(f_link_, numbers);
+    interface_work_.normalise();
   }
   nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
   archive("elements", mesh_.elements);
@@ -742,7 +764,7 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   collected_ = ranks().alone();
   moves_.clear();
   if (ranks().rank() != 0)
-    for (ExactSum* sum : contact_.sums())
+    for (ExactSum* sum : sums_over_time())
       *sum = {};
   if (!contact_.empty())
     contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);

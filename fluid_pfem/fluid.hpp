@@ -18,6 +18,7 @@
 #include "fluid_pfem/walls.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -118,8 +119,8 @@ struct Patches
 /// right at its ghosts, those of other elements nowhere; everywhere after collect(). In a remesh a rank gets
 /// the rows of the nodes around its own, chooses the elements of its nodes, passes on what is now another's,
 /// and goes on with its part. All ranks know identifiers, places in the order, surfaces and, where it is one,
-/// the wanted spacing of all nodes. Rank 0 has all wet nodes and their layer. Results have the bits that they
-/// have on one rank.
+/// the wanted spacing of all nodes. Wet nodes and their layer come first: the first ranks have them, as many
+/// as their share takes. Results have the bits that they have on one rank.
 template <int dim>
 class Fluid
 {
@@ -136,8 +137,8 @@ public:
   /// pushes.
   void predict_velocity(double dt);
   void predict_position(double dt);
-  /// v ← v + Δt M⁻¹ f on the wet nodes, between predict_velocity and predict_position. `f_link` [N], n_wet ×
-  /// dim.
+  /// v ← v + Δt M⁻¹ f on the wet nodes of this rank, between predict_velocity and predict_position. `f_link`
+  /// [N], wet nodes of this rank × dim.
   void push(std::span<const double> f_link, double dt);
   /// M_ρ R = R₀ (7), p = p(ρ) (3), a = M⁻¹F (5), v ← v + Δt/2 a of the wet nodes: all that the coupler waits
   /// for.
@@ -145,7 +146,8 @@ public:
   /// The same for all other nodes.
   void solve_free_motion_of_interior(double dt);
   void solve_free_motion(double dt);
-  /// a ← a + M⁻¹f,  v ← v + Δt/2 M⁻¹f on the wet nodes. `f_link` [N], n_wet × dim.
+  /// a ← a + M⁻¹f,  v ← v + Δt/2 M⁻¹f on the wet nodes of this rank. `f_link` [N], wet nodes of this rank ×
+  /// dim.
   void correct_with_link(std::span<const double> f_link, double dt);
 
   // --- between steps
@@ -194,12 +196,19 @@ public:
   double mass() const { return mass_by_state().total(); } ///< particle mass [kg]
   Vec<dim> momentum() const;
 
+  /// All wet nodes, on several ranks with the owner of each. Collective.
   link::SurfaceMesh wet_surface() const;
-  /// Velocity of the wet nodes, n_wet × dim: the free velocity between solve_free_motion_of_interface and
-  /// correct_with_link [m/s].
+  /// First and one behind the last of the wet nodes that this rank owns: it exchanges their rows.
+  std::array<index_t, 2> wet_range() const
+  {
+    const index_t begin = std::min(team_.node_begin(), n_wet_);
+    return {begin, std::max(begin, std::min(team_.node_end(), n_wet_))};
+  }
+  /// Velocity of the wet nodes of this rank, so many × dim: the free velocity between
+  /// solve_free_motion_of_interface and correct_with_link [m/s].
   std::span<const double> interface_velocity() const;
-  link::Kinematics kinematics() const;
-  /// v ← v + M⁻¹ impulse, a ← a_free + M⁻¹ link force.
+  link::Kinematics kinematics() const; ///< of the wet nodes of this rank
+  /// v ← v + M⁻¹ impulse, a ← a_free + M⁻¹ link force, on the wet nodes of this rank.
   void apply_activation(const link::Activation& activation);
 
   /// All that a later step depends on; what follows from the configuration is made by the constructor.
@@ -219,9 +228,10 @@ private:
   void move_on(double dt, double speed);
   void find_ghosts();
   void cool();
-  /// The rank that has the wet nodes, if there are any.
-  bool has_interface() const { return n_wet_ > 0 && ranks().rank() == 0; }
-  index_t n_wet_here() const { return has_interface() ? n_wet_ : 0; }
+  /// This rank has wet nodes, or neighbours of some.
+  bool has_interface() const { return n_wet_ > 0 && team_.node_begin() < n_layer_; }
+  std::vector<index_t> wet_of_ranks() const;
+  std::vector<ExactSum*> sums_over_time();
   FluidEnergy energy_of_state(bool whole, std::span<const Vec<dim>> v_half) const;
   FluidEnergy energy_of_parts(bool whole) const;
   /// Nodes over which this rank sums: its own, or all.
@@ -315,6 +325,7 @@ private:
   ElementSums<dim> sums_;
   Team team_;
   Halo halo_;
+  Halo layer_halo_;                          ///< of it the nodes that forces on wet nodes come from
   bool collected_ = true;                    ///< rows of other ranks are right
   std::vector<std::array<double, 2>> moves_; ///< step [s] and speed of the fastest node of this rank [m/s],
                                              ///< since the ranks last agreed
@@ -332,7 +343,7 @@ private:
   index_t e_wet_ = 0;                   ///< elements that touch wet nodes
   index_t e_layer_ = 0;                 ///< elements that touch wet nodes or their neighbours
   std::vector<index_t> constrained_;    ///< nodes on walls of the box
-  std::vector<double> f_link_;          ///< last link force, n_wet × dim
+  std::vector<double> f_link_;          ///< last link force, n_wet × dim; right at the nodes of this rank
   std::vector<float> quality_;          ///< of each element at the last remesh
   std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh; during one, at its begin
   double coarsest_ = 0.0;               ///< spacing wanted somewhere, at the last remesh [m]
@@ -348,8 +359,8 @@ private:
   std::uint32_t surface_epoch_ = 0;
   RemeshLedger ledger_;
   double dissipated_ = 0.0; ///< before the last remesh [J]
-  double remesh_gain_ = 0.0, remesh_loss_ = 0.0, interface_work_ = 0.0, openings_energy_ = 0.0, inflow_ = 0.0,
-         outflow_ = 0.0;
+  double remesh_gain_ = 0.0, remesh_loss_ = 0.0, openings_energy_ = 0.0, inflow_ = 0.0, outflow_ = 0.0;
+  ExactSum interface_work_; ///< of the link forces on the nodes of this rank [J]
 };
 
 } // namespace undine::fluid

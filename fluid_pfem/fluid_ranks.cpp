@@ -31,7 +31,7 @@ void Fluid<dim>::share_elements(std::vector<Simplex<dim>> sorted)
     mesh_.elements = std::move(sorted);
     e_wet_ = first_element_from<dim>(mesh_.elements, n_wet_);
     e_layer_ = first_element_from<dim>(mesh_.elements, n_layer_);
-    team_.share_out(nodes_.size(), mesh_, e_layer_);
+    team_.share_out(nodes_.size(), mesh_);
     return;
   }
   sorted = sorted_over_ranks<dim>(std::move(sorted), ranks());
@@ -44,7 +44,7 @@ void Fluid<dim>::share_elements(std::vector<Simplex<dim>> sorted)
   ranks().sum(sums);
   e_wet_ = static_cast<index_t>(sums[0]);
   e_layer_ = static_cast<index_t>(sums[1]);
-  const std::vector<index_t> first_element = team_.cut_elements(total, e_layer_);
+  const std::vector<index_t> first_element = team_.cut_elements(total);
   sums.assign(first_element.size(), 0);
   for (std::size_t k = 0; k < sums.size(); ++k)
     if (const index_t e = first_element[k] - begin; e >= 0 && e < count)
@@ -156,7 +156,26 @@ void Fluid<dim>::find_ghosts()
       std::sort(list.begin(), list.end());
       list.erase(std::unique(list.begin(), list.end()), list.end());
     }
+  // What the ranks that have nodes of the interface pass to each other before the rest is computed.
+  auto layer_send = send, layer_receive = receive;
+  for (auto* lists : {&layer_send, &layer_receive})
+    for (std::size_t r = 0; r < size; ++r)
+    {
+      const bool both = has_interface() && team_.nodes_of_ranks()[r] < n_layer_;
+      std::erase_if((*lists)[r], [&](index_t n) { return !both || n >= n_layer_; });
+    }
   halo_ = Halo(ranks(), std::move(send), std::move(receive));
+  layer_halo_ = Halo(ranks(), std::move(layer_send), std::move(layer_receive));
+}
+
+/// First wet node of every rank, and their number.
+template <int dim>
+std::vector<index_t> Fluid<dim>::wet_of_ranks() const
+{
+  std::vector<index_t> first;
+  for (const index_t n : team_.nodes_of_ranks())
+    first.push_back(std::min(n, n_wet_));
+  return first;
 }
 
 /// Some rank says yes. The ranks also agree on how fast nodes have moved.
@@ -383,11 +402,20 @@ void Fluid<dim>::collect()
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
     exchange_of_all_.add(exchange_energy_[static_cast<std::size_t>(n)]);
   ranks().sum({&exchange_of_all_});
-  std::vector<ExactSum*> sums = contact_.sums();
+  std::vector<ExactSum*> sums = sums_over_time();
   ranks().sum(sums);
   for (ExactSum* sum : sums)
     ranks().rank() == 0 ? sum->normalise() : static_cast<void>(*sum = {});
   collected_ = true;
+}
+
+/// Of each rank its part; of what was collected rank 0 has all.
+template <int dim>
+std::vector<ExactSum*> Fluid<dim>::sums_over_time()
+{
+  std::vector<ExactSum*> sums = contact_.sums();
+  sums.push_back(&interface_work_);
+  return sums;
 }
 
 /// What became heat, and what moved mass brought, since the last remesh is booked. Collective.

@@ -35,6 +35,8 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
       launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
   const Ranks ranks = launch.ranks(world);
   const bool first = ranks.rank() == 0;
+  if (coupled)
+    launch.require_owners(world, ranks);
   fluid::Fluid<dim> fluid(config, ranks);
   const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
   log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s, {} rank{}",
@@ -71,21 +73,20 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   if (coupled)
   {
     std::optional<link::SolverLink> link;
-    if (first)
-      link.emplace(world.channel("coupler"));
+    link.emplace(world.path("coupler", 0), ranks.rank()); // every rank for its own wet nodes
     try
     {
-      fluid::run_coupled<dim>(fluid, {link ? &*link : nullptr, ranks}, observe, persistence);
+      fluid::run_coupled<dim>(fluid, {&*link, ranks}, observe, persistence);
     }
     catch (const Failure& failure)
     {
-      if (link)
+      if (first)
         link->send_failure(static_cast<int>(failure.code()), failure.what());
       if (const auto* numerical = dynamic_cast<const NumericalError*>(&failure))
         throw last_state(*numerical);
       throw;
     }
-    wait = link ? link->wait_seconds() : 0.0;
+    wait = link->wait_seconds();
   }
   else
     try

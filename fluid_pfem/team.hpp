@@ -65,23 +65,12 @@ public:
 
   /// First of n elements for every share, as many as there are threads on all ranks, and n: cut at ends of
   /// blocks.
-  /// @param e_interface elements before this one are the interface's: rank 0 has them all
-  std::vector<index_t> cut_elements(index_t n, index_t e_interface) const
+  std::vector<index_t> cut_elements(index_t n) const
   {
-    const auto blocks_of = [](index_t elements) { return (elements + element_block - 1) / element_block; };
-    const index_t blocks = blocks_of(n), parts = ranks_.size() * threads_;
-    const auto part = [](index_t whole, index_t k, index_t of)
-    { return static_cast<index_t>(std::int64_t{whole} * k / of); };
-    const index_t of_first_rank = std::max(blocks_of(e_interface), part(blocks, threads_, parts));
+    const index_t blocks = (n + element_block - 1) / element_block, parts = ranks_.size() * threads_;
     std::vector<index_t> first;
     for (index_t k = 0; k <= parts; ++k)
-    {
-      const index_t block =
-          k >= parts     ? blocks
-          : k < threads_ ? part(of_first_rank, k, threads_)
-                         : of_first_rank + part(blocks - of_first_rank, k - threads_, parts - threads_);
-      first.push_back(std::min(n, block * element_block));
-    }
+      first.push_back(std::min(n, static_cast<index_t>(std::int64_t{blocks} * k / parts) * element_block));
     return first;
   }
 
@@ -141,9 +130,9 @@ public:
 
   /// The same for a rank that has the whole mesh.
   template <int dim>
-  void share_out(index_t n_nodes, const FluidMesh<dim>& mesh, index_t e_interface)
+  void share_out(index_t n_nodes, const FluidMesh<dim>& mesh)
   {
-    const std::vector<index_t> element = cut_elements(mesh.n_elements(), e_interface);
+    const std::vector<index_t> element = cut_elements(mesh.n_elements());
     std::vector<index_t> node;
     for (const index_t e : element)
       node.push_back(e == mesh.n_elements() ? n_nodes : mesh.elements[static_cast<std::size_t>(e)][0]);
@@ -173,7 +162,7 @@ private:
 /// The elements of a share from `e_begin` on, block by block, and its nodes from `n_begin` on as soon as they
 /// have got all they get: add(list, begin, end) with list[k] = k where list is null, then take(n_begin,
 /// n_end) while both are in the cache. Elements are sorted by their smallest node.
-/// @param done elements before e_begin were added already (on the rank that has the interface)
+/// @param done elements before e_begin were added already (on ranks that have nodes of the interface)
 template <int dim, class Add, class Take>
 void sweep(const FluidMesh<dim>& mesh, const Share& share, bool done, index_t e_begin, index_t n_begin,
            Add&& add, Take&& take)

@@ -78,10 +78,8 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   const bool coupled = world.coupled();
   const Ranks ranks = launch.ranks(world);
   const bool first = ranks.rank() == 0;
-  if (coupled && !ranks.alone() && (world.capabilities_of("coupler") & link::capability::distributed) == 0)
-    throw InputError(
-        "this coupler (" + world.solver_of("coupler") +
-        ") takes wet nodes from rank 0 only (it does not offer DISTRIBUTED); start solid_fe on one rank");
+  if (coupled)
+    launch.require_owners(world, ranks);
   solid.distribute(ranks);
   const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
   log->info("solid_fe {}, {}, {} rank{}\n{}", UNDINE_VERSION, coupled ? "coupled" : "alone", ranks.size(),

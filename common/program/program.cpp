@@ -65,6 +65,14 @@ Ranks Launch::ranks(const link::World& world) const
   return ranks_of(world.comm(), world.coupled() ? 2.0 * coupling.stall_timeout : run.rank_timeout);
 }
 
+void Launch::require_owners(const link::World& world, const Ranks& ranks) const
+{
+  if (!ranks.alone() && (world.capabilities_of("coupler") & link::capability::distributed) == 0)
+    throw InputError("this coupler (" + world.solver_of("coupler") +
+                     ") takes wet nodes from rank 0 only (it does not offer DISTRIBUTED); start '" + role +
+                     "' on one rank");
+}
+
 std::string Launch::case_hash() const { return fmt::format("{:016x}", file.hash()); }
 
 Checkpoints Launch::checkpoints(spdlog::logger& log) const

@@ -47,6 +47,9 @@ struct Launch
   /// The ranks of this program. One may keep the others waiting for run.rank_timeout; coupled twice as long
   /// as a program may keep the coupler waiting, so that the coupler speaks first.
   Ranks ranks(const link::World& world) const;
+  /// A program on several ranks exchanges the rows of its wet nodes where they are: the coupler must offer
+  /// that. @throws InputError
+  void require_owners(const link::World& world, const Ranks& ranks) const;
 };
 
 /// `program` is "coupler", "fluid" or "solid".

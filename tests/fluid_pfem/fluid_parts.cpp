@@ -46,7 +46,7 @@ int main(int argc, char** argv)
   std::vector<double> rate(static_cast<std::size_t>(N), 0.0), energy(rate);
   const std::vector<float> quality_before(static_cast<std::size_t>(E), 0.5f);
   Team team;
-  team.share_out<2>(N, mesh, 0);
+  team.share_out<2>(N, mesh);
   const Share& share = team.shares().front();
   Halo halo;
   StepWorkspace workspace;

@@ -166,7 +166,7 @@ TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by mu
   StepWorkspace workspace;
   Team team;
   Halo halo;
-  team.share_out(fluid.nodes().size(), fluid.mesh(), 0);
+  team.share_out(fluid.nodes().size(), fluid.mesh());
   const double claimed =
       critical_time_step<dim>(fluid.mesh(), fluid.nodes(), config.tait, {}, 0.0, team, halo, workspace);
 

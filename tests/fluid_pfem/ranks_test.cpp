@@ -7,9 +7,13 @@
 
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 using namespace undine;
 using namespace undine::fluid;
@@ -36,6 +40,85 @@ bool advance(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, dou
   fluid.predict(dt);
   fluid.solve_free_motion(dt);
   return remesh;
+}
+
+/// A force on each wet node of this rank, of its place and velocity: a coupler of springs and dashpots.
+template <int dim>
+std::vector<double> force_on_wet(const Fluid<dim>& fluid, std::span<const double> v)
+{
+  std::vector<double> f;
+  const auto [begin, end] = fluid.wet_range();
+  for (index_t n = begin; n < end; ++n)
+    for (int k = 0; k < dim; ++k)
+    {
+      const auto i = static_cast<std::size_t>(n);
+      const double x = fluid.nodes().x[i][k], w = v[static_cast<std::size_t>((n - begin) * dim + k)];
+      f.push_back(fluid.nodes().inertia[i] * (3.0 * std::sin(7.0 * x + 20.0 * fluid.time()) - 5.0 * w));
+    }
+  return f;
+}
+
+/// One step as run_coupled makes it where the surfaces stay together.
+template <int dim>
+bool advance_coupled(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
+{
+  if (step == 0)
+  {
+    const link::Kinematics k = fluid.kinematics();
+    link::Activation start{.impulse = force_on_wet(fluid, k.v), .link_force = force_on_wet(fluid, k.a_free)};
+    for (double& j : start.impulse)
+      j *= 0.01;
+    fluid.apply_activation(start);
+  }
+  const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
+  if (remesh)
+    fluid.remesh();
+  if (remesh || step % 8 == 0)
+    dt = ladder.next(dt, fluid.critical_time_step());
+  fluid.predict(dt);
+  fluid.solve_free_motion_of_interface(dt);
+  const auto v = fluid.interface_velocity();
+  const std::vector<double> v_free(v.begin(), v.end()); // what travels meanwhile
+  fluid.solve_free_motion_of_interior(dt);
+  fluid.correct_with_link(force_on_wet<dim>(fluid, v_free), dt);
+  return remesh;
+}
+
+/// The same in contact: the link pushes in the middle of the step.
+template <int dim>
+bool advance_in_contact(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
+{
+  const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
+  if (remesh)
+    fluid.remesh();
+  if (remesh || step % 8 == 0)
+    dt = ladder.next(dt, fluid.critical_time_step());
+  fluid.predict_velocity(dt);
+  fluid.push(force_on_wet<dim>(fluid, fluid.interface_velocity()), dt);
+  fluid.predict_position(dt);
+  fluid.solve_free_motion(dt);
+  return remesh;
+}
+
+/// The surface of several ranks is that of one, and each row has its owner.
+template <int dim>
+std::string differences(const Fluid<dim>& part, const Fluid<dim>* alone)
+{
+  const link::SurfaceMesh of_part = part.wet_surface();
+  std::string wrong;
+  const auto [begin, end] = part.wet_range();
+  const std::vector<std::int64_t> rows = of_part.rows_of(part.ranks().rank());
+  if (rows.size() != static_cast<std::size_t>(end - begin) || (!rows.empty() && rows.front() != begin) ||
+      (part.ranks().alone() != of_part.owner.empty() && part.n_wet() > 0))
+    wrong += " owners";
+  if (!alone)
+    return wrong;
+  const link::SurfaceMesh whole = alone->wet_surface();
+  if (of_part.node_id != whole.node_id || of_part.x != whole.x ||
+      of_part.inverse_mass != whole.inverse_mass || of_part.face_nodes != whole.face_nodes ||
+      of_part.face_interface != whole.face_interface)
+    wrong += " surface";
+  return wrong;
 }
 
 /// Names of the fields that differ, and what else does.
@@ -67,7 +150,7 @@ bool same(const FluidEnergy& a, const FluidEnergy& b)
 {
   return a.kinetic == b.kinetic && a.internal == b.internal && a.potential == b.potential &&
          a.dissipated == b.dissipated && a.exchanged == b.exchanged && a.remesh_gain == b.remesh_gain &&
-         a.remesh_loss == b.remesh_loss;
+         a.remesh_loss == b.remesh_loss && a.interface_work == b.interface_work;
 }
 
 bool same(const FluidMass& a, const FluidMass& b)
@@ -76,8 +159,11 @@ bool same(const FluidMass& a, const FluidMass& b)
 }
 
 /// Rank 0 also runs alone, and compares the state at every fiftieth step, at every remesh and at the end.
+/// @returns how many ranks had wet nodes at the end
 template <int dim>
-void check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t least_remeshes)
+std::int64_t check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t least_remeshes,
+                             bool (*advance)(Fluid<dim>&, std::int64_t, const StepLadder&,
+                                             double&) = ::advance<dim>)
 {
   const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
   const bool first = ranks.rank() == 0;
@@ -98,6 +184,7 @@ void check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t
       continue;
     const FluidEnergy energy = part.energy();
     const FluidMass mass = part.mass_by_state();
+    wrong += differences<dim>(part, first ? &*alone : nullptr);
     part.collect();
     if (first)
     {
@@ -119,12 +206,15 @@ void check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t
                << step);
   CHECK(wrong == "");
   CHECK(part.remeshes() >= least_remeshes);
+  const auto [begin, end] = part.wet_range();
+  const std::int64_t with_wet_nodes = ranks.sum(std::int64_t{end > begin});
   if (!first)
-    return;
+    return with_wet_nodes;
   CHECK(part.ledger().merged == alone->ledger().merged);
   CHECK(part.ledger().split == alone->ledger().split);
   CHECK(part.ledger().created == alone->ledger().created);
   CHECK(part.ledger().dropped == alone->ledger().dropped);
+  return with_wet_nodes;
 }
 
 /// A drop that falls into a pool.
@@ -224,7 +314,7 @@ TEST_CASE("fewer nodes than ranks: some have nothing to do", "[ranks]")
   check_same_bits<2>(config, steps_wanted(200), 0);
 }
 
-// Wet nodes and their neighbours are rank 0's: of a layer of two spacings the others have nothing.
+// A mesh of one block of elements is not cut: the last rank has it, the others have nothing.
 TEST_CASE("all nodes on one rank, beside an interface", "[ranks]")
 {
   FluidConfig config = test::hydraulic(0.1, 30.0);
@@ -234,6 +324,44 @@ TEST_CASE("all nodes on one rank, beside an interface", "[ranks]")
   config.interfaces = {{"wet", "bottom"}};
   config.remesh.only_if_moved = false;
   check_same_bits<2>(config, 100, 1);
+  CHECK(check_same_bits<2>(config, 40, 1, advance_coupled<2>) == 1);
+}
+
+// Three rows of 401 nodes, of which two are wet: as many ranks as there are blocks of elements have wet
+// nodes, and pass to each other what forces on them need.
+TEST_CASE("a film between two interfaces: all ranks have wet nodes", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(0.01, 30.0);
+  config.size = {4.0, 0.02, 0.0};
+  config.gravity = {0.0, -9.81, 0.0};
+  config.initial_velocity = {Expression("0.3*sin(3*x)", ""), Expression("0", "")};
+  config.interfaces = {{"below", "bottom"}, {"above", "top"}};
+  config.remesh.only_if_moved = false;
+  const int size = ranks_of(MPI_COMM_WORLD, 60.0).size();
+  SECTION("that stay") { CHECK(check_same_bits<2>(config, 60, 1, advance_coupled<2>) >= std::min(size, 6)); }
+  SECTION("with threads")
+  {
+    config.threads = 2;
+    CHECK(check_same_bits<2>(config, 30, 1, advance_coupled<2>) >= std::min(size, 6));
+  }
+  SECTION("that push, in a tank")
+  {
+    config.contact_walls = {test::tank(4.0)};
+    CHECK(check_same_bits<2>(config, 60, 1, advance_in_contact<2>) >= std::min(size, 6));
+  }
+}
+
+TEST_CASE("a slab in space on a wet floor", "[ranks]")
+{
+  FluidConfig config = test::hydraulic(0.1, 20.0);
+  config.dim = 3;
+  config.size = {1.2, 0.3, 1.2};
+  config.gravity = {0.0, -9.81, 0.0};
+  config.initial_velocity = {Expression("0.2*sin(3*x)", ""), Expression("0", ""), Expression("0", "")};
+  config.interfaces = {{"wet", "bottom"}};
+  config.remesh.only_if_moved = false;
+  const int size = ranks_of(MPI_COMM_WORLD, 60.0).size();
+  CHECK(check_same_bits<3>(config, 24, 1, advance_coupled<3>) >= std::min((size + 1) / 2, 2));
 }
 
 TEST_CASE("what needs one rank says so", "[ranks]")
