@@ -160,11 +160,26 @@ void Fluid<dim>::kick(double dt, index_t begin, index_t end)
     v[k] += 0.5 * dt * a[k];
 }
 
+/// Walls work on the inertia; what the kinetic energy of the particle mass gets beyond that is booked with
+/// what masses that differ do, [5b] of the theory.
 template <int dim>
 void Fluid<dim>::push_off_walls(double dt)
 {
   contact_.contact(dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, dt_before_,
                    [this](Vec<dim>& w, index_t n) { constrain(w, n); });
+  if (exchange_energy_.empty())
+    return;
+  const double dt_mean = 0.5 * (dt + dt_before_);
+  const Vec<dim> g = gravity();
+  for (const auto& [node, dv] : contact_.corrections())
+  {
+    const auto n = static_cast<std::size_t>(node);
+    const Vec<dim> a_free = nodes_.a[n] - (1.0 / dt_mean) * dv,
+                   v_mean = nodes_.v[n] - 0.5 * dt_mean * nodes_.a[n];
+    const double beyond = nodes_.M[n] - nodes_.inertia[n];
+    exchange_energy_[n] +=
+        dot(dv, beyond * v_mean + 0.5 * dt_mean * (beyond * a_free - (nodes_.M[n] - nodes_.m[n]) * g));
+  }
 }
 
 template <int dim>
@@ -262,7 +277,8 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
-  std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
+  if constexpr (dim == 3)
+    std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
   if (!has_interface())
     return;
   const Share whole{.node_begin = 0, .node_end = nodes_.size()}; // rows of others are nobody's
@@ -273,9 +289,14 @@ void Fluid<dim>::solve_free_motion_of_interface(double dt)
     const auto& list = team_.earlier();
     return static_cast<index_t>(std::lower_bound(list.begin(), list.end(), e) - list.begin());
   };
-  if (const index_t count = earlier_than(e_layer_); count > 0)
-    add_element_volumes<dim>(mesh_, team_.earlier().data(), 0, count, whole, nodes_);
-  add_element_volumes<dim>(mesh_, nullptr, e_begin, std::min(e_layer_, team_.element_end()), whole, nodes_);
+  if constexpr (dim == 2)
+    update_nodal_volumes(mesh_, layer_begin, layer_end, nodes_);
+  else
+  {
+    if (const index_t count = earlier_than(e_layer_); count > 0)
+      add_element_volumes(mesh_, team_.earlier().data(), 0, count, whole, nodes_);
+    add_element_volumes(mesh_, nullptr, e_begin, std::min(e_layer_, team_.element_end()), whole, nodes_);
+  }
   check_state(update_state(layer_begin, layer_end));
   record_nodes<dim>(nodes_, config_.terms, layer_begin, layer_end, sums_);
   layer_halo_.update(sums_.record, nodes_.m);
@@ -302,15 +323,25 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
       [&](const Share& share)
       {
         index_t bad = -1;
-        sweep(
-            mesh_, share, has_interface(), e_layer_, n_layer_,
-            [&](const index_t* list, index_t begin, index_t end)
-            { add_element_volumes<dim>(mesh_, list, begin, end, share, nodes_); },
-            [&](index_t begin, index_t end)
-            {
-              bad = std::max(bad, update_state(begin, end));
-              record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
-            });
+        const auto take = [&](index_t begin, index_t end)
+        {
+          bad = std::max(bad, update_state(begin, end));
+          record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+        };
+        if constexpr (dim == 2)
+          for (index_t n = std::max(share.node_begin, n_layer_); n < share.node_end;)
+          {
+            const index_t end = std::min((n / element_block + 1) * element_block, share.node_end);
+            update_nodal_volumes(mesh_, n, end, nodes_);
+            take(n, end);
+            n = end;
+          }
+        else
+          sweep(
+              mesh_, share, has_interface(), e_layer_, n_layer_,
+              [&](const index_t* list, index_t begin, index_t end)
+              { add_element_volumes(mesh_, list, begin, end, share, nodes_); },
+              take);
         bad_[team_.number(share)] = bad;
       });
   check_state(*std::max_element(bad_.begin(), bad_.end()));

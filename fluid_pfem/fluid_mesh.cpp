@@ -61,6 +61,49 @@ void chain(std::span<FanEntry<2>> fan)
       }
 }
 
+void find_rings(FluidMesh<2>& mesh)
+{
+  const auto n_nodes = static_cast<std::size_t>(mesh.end_with_fan() - mesh.first_with_fan);
+  const std::size_t groups = (n_nodes + Lanes::size - 1) / Lanes::size;
+  const auto each_neighbour = [&mesh](std::size_t k, auto&& visit)
+  {
+    const index_t n = mesh.first_with_fan + static_cast<index_t>(k);
+    const auto fan = mesh.fan(n);
+    for (std::size_t f = 0; f < fan.size(); ++f)
+    {
+      visit(fan[f].opposite[0]);
+      if (fan[f + 1 == fan.size() ? 0 : f + 1].opposite[0] != fan[f].opposite[1])
+      {
+        visit(fan[f].opposite[1]);
+        visit(n);
+      }
+    }
+    if (fan.empty())
+      visit(n);
+  };
+  Rings& rings = mesh.rings;
+  rings.begin.assign(groups + 1, 0);
+  for (std::size_t k = 0; k < n_nodes; ++k)
+  {
+    index_t neighbours = 0;
+    each_neighbour(k, [&neighbours](index_t) { ++neighbours; });
+    index_t& most = rings.begin[k / Lanes::size + 1];
+    most = std::max(most, neighbours);
+  }
+  for (std::size_t g = 0; g < groups; ++g)
+    rings.begin[g + 1] += rings.begin[g];
+  rings.row.assign(static_cast<std::size_t>(rings.begin.back()), {});
+  for (std::size_t k = 0; k < n_nodes; ++k)
+  {
+    const std::size_t g = k / Lanes::size, lane = k % Lanes::size;
+    auto row = static_cast<std::size_t>(rings.begin[g]);
+    const std::size_t first = row, end = static_cast<std::size_t>(rings.begin[g + 1]);
+    each_neighbour(k, [&](index_t j) { rings.row[row++][lane] = 2 * j; });
+    for (; row < end; ++row)
+      rings.row[row][lane] = rings.row[first][lane];
+  }
+}
+
 /// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where
 /// it begins; in space facets are matched by sorting.
 template <int dim>
@@ -230,8 +273,11 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
             .element = e, .opposite = facet_opposite<dim>(mesh.elements[static_cast<std::size_t>(e)], a)};
       });
   if constexpr (dim == 2)
+  {
     for (std::size_t k = 0; k + 1 < first.size(); ++k)
       chain({mesh.fans.data() + first[k], mesh.fans.data() + first[k + 1]});
+    find_rings(mesh);
+  }
   mesh.boundary = boundary_of(mesh, begin, end);
 }
 

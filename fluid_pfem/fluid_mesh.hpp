@@ -2,6 +2,7 @@
 // every node.
 #pragma once
 
+#include "common/lanes.hpp"
 #include "common/parallel/ranks.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
@@ -40,6 +41,18 @@ struct FanEntry
   std::array<index_t, dim> opposite;
 };
 
+/// In the plane: the neighbours around every node with a fan, counter-clockwise, eight nodes side by side. A
+/// node on the boundary is itself in its ring wherever that is open, so that the triangles between the node
+/// and two that follow each other, the last and the first included, are its elements, and beside them flat
+/// ones. In the order of the fan: sums around a ring do not depend on what is beside it.
+struct Rings
+{
+  using Row = std::array<index_t, Lanes::size>;
+  std::vector<index_t> begin; ///< first row of each group of eight nodes, and the end
+  std::vector<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
+                        ///< ring has no more, its first again
+};
+
 template <int dim>
 struct FluidMesh
 {
@@ -48,6 +61,7 @@ struct FluidMesh
   std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
   std::vector<index_t> fan_begin;   ///< of each node with a fan, and the end
   std::vector<FanEntry<dim>> fans;  ///< in the plane counter-clockwise around each node
+  Rings rings;                      ///< in the plane, of the nodes with a fan
   index_t first_with_fan = 0;       ///< of the nodes whose fans are here: those that find_fans was asked for
 
   // Of a node with a fan.
@@ -57,6 +71,7 @@ struct FluidMesh
     return {fans.data() + fan_begin[k], fans.data() + fan_begin[k + 1]};
   }
   index_t n_elements_at(index_t n) const { return static_cast<index_t>(fan(n).size()); }
+  index_t end_with_fan() const { return first_with_fan + static_cast<index_t>(fan_begin.size()) - 1; }
   bool isolated(index_t n) const { return n_elements_at(n) == 0; }
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }
 };

@@ -18,9 +18,50 @@ using std::min;
 
 } // namespace
 
-template <int dim>
-[[gnu::flatten]] void add_element_volumes(const FluidMesh<dim>& mesh, const index_t* list, index_t begin,
-                                          index_t end, const Share& share, FluidNodes<dim>& nodes)
+[[gnu::flatten]] void update_nodal_volumes(const FluidMesh<2>& mesh, index_t begin, index_t end,
+                                           FluidNodes<2>& nodes)
+{
+  constexpr index_t L = Lanes::size;
+  const double* const x = nodes.x.front().c.data();
+  const auto load = [x](const Rings::Row& row, Vec<2, Lanes>& point)
+  {
+    const double* from[L];
+    for (std::size_t l = 0; l < L; ++l)
+      from[l] = x + row[l];
+    load_pairs(from, point[0], point[1]);
+  };
+  for (index_t n = begin; n < end;)
+  {
+    const index_t group = (n - mesh.first_with_fan) / L, first = mesh.first_with_fan + group * L,
+                  next = std::min(first + L, end);
+    const Rings::Row *row = mesh.rings.row.data() + mesh.rings.begin[static_cast<std::size_t>(group)],
+                     *const row_end =
+                         mesh.rings.row.data() + mesh.rings.begin[static_cast<std::size_t>(group) + 1];
+    // The triangles between the first neighbour and all others: where a ring has no more, nothing is added.
+    Vec<2, Lanes> origin, from{}, before, point;
+    Lanes twice_area(0.0);
+    load(*row, origin);
+    before = origin;
+    for (++row; row < row_end; ++row)
+    {
+      load(*row, point);
+      before = nodes.period.near(before, point); // an edge away: never beyond half a cell
+      const Vec<2, Lanes> to = before - origin;
+      twice_area += from[0] * to[1] - from[1] * to[0];
+      from = to;
+    }
+    const Lanes V = Lanes(1.0 / 6.0) * twice_area;
+    if (next - n == L)
+      store_lanes(V, &nodes.V[static_cast<std::size_t>(n)], L);
+    else
+      for (index_t k = n; k < next; ++k)
+        nodes.V[static_cast<std::size_t>(k)] = V[k - first];
+    n = next;
+  }
+}
+
+[[gnu::flatten]] void add_element_volumes(const FluidMesh<3>& mesh, const index_t* list, index_t begin,
+                                          index_t end, const Share& share, FluidNodes<3>& nodes)
 {
   constexpr int L = Lanes::size;
   double* V = nodes.V.data();
@@ -28,12 +69,12 @@ template <int dim>
   for (index_t first = begin; first < end; first += L)
   {
     const int count = std::min<index_t>(L, end - first);
-    const EightElements<dim> element(mesh.elements, list, first, end);
-    std::array<Vec<dim, Lanes>, dim + 1> corner;
-    for (std::size_t c = 0; c <= dim; ++c)
-      load_points<dim>(nodes.x.data(), element, c, corner[c]);
+    const EightElements<3> element(mesh.elements, list, first, end);
+    std::array<Vec<3, Lanes>, 4> corner;
+    for (std::size_t c = 0; c < 4; ++c)
+      load_points<3>(nodes.x.data(), element, c, corner[c]);
     nodes.period.join(corner);
-    const Lanes share_of_corner = Lanes(1.0 / (dim + 1)) * signed_volume<dim, Lanes>(corner);
+    const Lanes share_of_corner = Lanes(0.25) * signed_volume<3, Lanes>(corner);
     double added[L];
     store_lanes(share_of_corner, added, L);
     if (count == L && all_mine)
@@ -41,7 +82,7 @@ template <int dim>
 #pragma GCC unroll 8
       for (std::size_t l = 0; l < L; ++l)
 #pragma GCC unroll 4
-        for (std::size_t c = 0; c <= dim; ++c)
+        for (std::size_t c = 0; c < 4; ++c)
           V[element[l][c]] += added[l];
     }
     else
@@ -56,8 +97,12 @@ template <int dim>
 void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes)
 {
   std::fill(nodes.V.begin(), nodes.V.end(), 0.0);
-  add_element_volumes<dim>(mesh, nullptr, 0, mesh.n_elements(), {.node_begin = 0, .node_end = nodes.size()},
-                           nodes);
+  for (const Simplex<dim>& e : mesh.elements)
+  {
+    const double share = signed_volume<dim, double>(corners<dim>(nodes.x, e, nodes.period)) / (dim + 1);
+    for (const index_t n : e)
+      nodes.V[static_cast<std::size_t>(n)] += share;
+  }
 }
 
 template <int dim>
@@ -166,14 +211,10 @@ void exchange_mass(std::span<const double> mass_rate, double feedback_rate, doub
 
 template void update_nodal_volumes<2>(const FluidMesh<2>&, FluidNodes<2>&);
 template void update_nodal_volumes<3>(const FluidMesh<3>&, FluidNodes<3>&);
-template void add_element_volumes<2>(const FluidMesh<2>&, const index_t*, index_t, index_t, const Share&,
-                                     FluidNodes<2>&);
 template index_t update_density_and_pressure<2>(const FluidMesh<2>&, const Tait&, double, FluidNodes<2>&,
                                                 index_t, index_t);
 template void exchange_mass<2>(std::span<const double>, double, double, double, const Tait&, const Vec<2>&,
                                bool, FluidNodes<2>&, index_t, index_t, index_t, double, std::span<double>);
-template void add_element_volumes<3>(const FluidMesh<3>&, const index_t*, index_t, index_t, const Share&,
-                                     FluidNodes<3>&);
 template index_t update_density_and_pressure<3>(const FluidMesh<3>&, const Tait&, double, FluidNodes<3>&,
                                                 index_t, index_t);
 template void exchange_mass<3>(std::span<const double>, double, double, double, const Tait&, const Vec<3>&,

@@ -15,14 +15,16 @@
 namespace undine::fluid
 {
 
-/// Nodal volumes from the current positions. Isolated nodes get 0.
+/// Nodal volumes from the current positions, of all nodes, whatever elements there are. Isolated nodes get 0.
 template <int dim>
 void update_nodal_volumes(const FluidMesh<dim>& mesh, FluidNodes<dim>& nodes);
-/// Its part: add what elements list[begin], … list[end − 1] (null: begin … end − 1) give to the volumes of
+/// In the plane, the same of nodes [begin, end), which have fans: V_i is a third of the area that the ring of
+/// its neighbours encloses, so no element is visited.
+void update_nodal_volumes(const FluidMesh<2>& mesh, index_t begin, index_t end, FluidNodes<2>& nodes);
+/// In space: add what elements list[begin], … list[end − 1] (null: begin … end − 1) give to the volumes of
 /// those of their corners that the share owns, in their order.
-template <int dim>
-void add_element_volumes(const FluidMesh<dim>& mesh, const index_t* list, index_t begin, index_t end,
-                         const Share& share, FluidNodes<dim>& nodes);
+void add_element_volumes(const FluidMesh<3>& mesh, const index_t* list, index_t begin, index_t end,
+                         const Share& share, FluidNodes<3>& nodes);
 
 /// ρ = m/V and p = p(ρ) of nodes [begin, end); isolated nodes are at ρ₀, p₀. A node whose volume is less than
 /// V* = `floor` times the regular volume (one flat element, a corner) would be a stiff spring: it is

@@ -355,6 +355,7 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
     return w;
   };
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
+  corrections_.clear();
   // Candidates of one node are adjacent. In each round the piece that is crossed least is corrected: on one
   // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
   // concave corner a few rounds settle it between two or three.
@@ -362,6 +363,8 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
   {
     std::size_t end = begin;
     const auto n = static_cast<std::size_t>(candidates_[begin].node);
+    const Vec<dim> v_free = v[n];
+    bool corrected = false;
     while (end < candidates_.size() && candidates_[end].node == candidates_[begin].node)
       ++end;
     for (int round = 0; round < 12; ++round)
@@ -407,11 +410,14 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
         impulse_[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
       v[n] += dv;
       a[n] += (1.0 / dt_mean) * dv;
+      corrected = true;
       if (end - begin == 1)
         break;
       if (round == 11) // a corner too acute for rounds: it stays where it is on the wall
         v[n] = admissible(velocity_of(k, x[n], dt), n);
     }
+    if (corrected)
+      corrections_.push_back({static_cast<index_t>(n), v[n] - v_free});
     begin = end;
   }
 }

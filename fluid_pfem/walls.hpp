@@ -115,6 +115,13 @@ public:
   void contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
                std::span<Vec<dim>> a, double dt_before,
                const std::function<void(Vec<dim>&, index_t)>& constrain = {});
+  struct Correction
+  {
+    index_t node;
+    Vec<dim> dv; ///< [m/s]
+  };
+  /// What the last contact() did to velocities.
+  std::span<const Correction> corrections() const { return corrections_; }
   /// Report the largest distance any candidate moved; find_candidates is due when this is true.
   bool candidates_expired(double moved)
   {
@@ -166,6 +173,7 @@ private:
   std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
   std::vector<Candidate> candidates_;
   ExactSum work_;
+  std::vector<Correction> corrections_;
   std::vector<std::array<ExactSum, dim>> impulse_;
   bool has_convex_ = false;
   double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0, wall_moved_ = 0.0;

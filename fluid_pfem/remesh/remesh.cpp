@@ -492,9 +492,15 @@ void Fluid<dim>::finish_mesh()
               [](index_t, index_t) {});
         });
   };
-  std::fill(nodes_.V.begin() + begin, nodes_.V.begin() + end, 0.0);
-  each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
-               { add_element_volumes<dim>(mesh_, list, first, last, share, nodes_); });
+  if constexpr (dim == 2)
+    team_.each([this](const Share& share)
+               { update_nodal_volumes(mesh_, share.node_begin, share.node_end, nodes_); });
+  else
+  {
+    std::fill(nodes_.V.begin() + begin, nodes_.V.begin() + end, 0.0);
+    each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
+                 { add_element_volumes(mesh_, list, first, last, share, nodes_); });
+  }
 
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
   for (index_t n = begin; n < end; ++n)

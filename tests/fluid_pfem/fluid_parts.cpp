@@ -88,10 +88,8 @@ int main(int argc, char** argv)
   time("volumes",
        [&]
        {
-         std::fill(nodes.V.begin(), nodes.V.end(), 0.0);
-         blocks(E, element_block,
-                [&](index_t begin, index_t end)
-                { add_element_volumes<2>(mesh, nullptr, begin, end, share, nodes); });
+         blocks(N, element_block,
+                [&](index_t begin, index_t end) { update_nodal_volumes(mesh, begin, end, nodes); });
        });
   time("state",
        [&] { update_density_and_pressure<2>(mesh, config.tait, config.inertia_floor, nodes, 0, N); });

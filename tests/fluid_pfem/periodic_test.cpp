@@ -1,4 +1,5 @@
 // Periodic directions: the triangulated torus, conservation, channel flow and vortices.
+#include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
 #include "fluid_pfem/run.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -6,6 +7,7 @@
 
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -76,6 +78,50 @@ TEST_CASE("the triangulation of a periodic cell covers it once", "[fluid][unit]"
   const auto simplices = periodic_delaunay<3>(points, space);
   CHECK(volume_of<3>(points, simplices, space) == Approx(1.43).epsilon(1e-12));
   CHECK(connect<3>(1500, simplices).boundary.empty());
+}
+
+// Truth: the sum of V_e/3 over the elements of a node, whatever it is in: closed fans, open ones, several,
+// none. A quarter of the triangles are taken away, the points are moved so far that some turn over, and two
+// ranges of nodes meet within a group of eight. Round-off: some twenty products of lengths of a ring,
+// three spacings, with coordinates ten times as large where the next cell begins, 2⁻⁵³ each.
+TEST_CASE("rings give the volumes that elements give", "[fluid][unit]")
+{
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  FluidNodes<2> nodes;
+  nodes.period = Period<2>({{-0.3, 0.1}}, {{1.7, 2.1}});
+  for (int k = 0; k < 501; ++k)
+    nodes.x.push_back({{-0.3 + 1.7 * uniform(random), 0.1 + 2.1 * uniform(random)}});
+  auto triangles = periodic_delaunay<2>(nodes.x, nodes.period);
+  std::erase_if(triangles, [&](const auto&) { return uniform(random) < 0.25; });
+  std::erase_if(triangles, [](const auto& e) { return std::count(e.begin(), e.end(), 17) > 0; });
+  const FluidMesh<2> mesh = connect<2>(nodes.size(), triangles);
+  for (auto& x : nodes.x)
+    for (int i = 0; i < 2; ++i)
+      x[i] += 0.03 * (uniform(random) - 0.5);
+  nodes.V.resize(nodes.x.size());
+  FluidNodes<2> other = nodes;
+  update_nodal_volumes<2>(mesh, nodes);
+  update_nodal_volumes(mesh, 0, 101, other);
+  update_nodal_volumes(mesh, 101, 501, other);
+  const double regular = 1.7 * 2.1 / 501, longest = 9.0 * regular; // squared: rings are some 3 spacings wide
+  int turned = 0, alone = 0, inner = 0;
+  for (index_t n = 0; n < nodes.size(); ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    const auto fan = mesh.fan(n);
+    turned += nodes.V[i] < 0.0;
+    alone += fan.empty();
+    inner += !fan.empty() && fan.back().opposite[1] == fan.front().opposite[0];
+    CAPTURE(n, fan.size());
+    CHECK(other.V[i] == Approx(nodes.V[i]).epsilon(0.0).margin(20.0 * 0x1p-53 * 10.0 * longest));
+  }
+  CHECK(alone > 0);
+  CHECK(inner > 50);
+  CHECK(inner < 300);
+  for (const Simplex<2>& e : mesh.elements)
+    turned += signed_volume<2, double>(corners<2>(nodes.x, e, nodes.period)) < 0.0;
+  CHECK(turned > 0);
 }
 
 // Truth: a uniform stream stays one; nothing tells where the cell ends. Nodes cross its ends in both
