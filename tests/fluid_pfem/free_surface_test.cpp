@@ -148,8 +148,8 @@ TEST_CASE("a free drop is drawn out into the exact ellipse and keeps its area", 
 // Truth: the converged front of the free-slip, suddenly released column, Z(1.98) = 2.65 ± 0.03 and Z(2.51)
 // = 3.38 ± 0.04 (T = t√(2g/a)), the same for all resolutions; then the splash: particle mass to round-off,
 // volume within 2 % at any instant. The ledger of energies closes but for booking the exchange of mass in one
-// step of five: 1 % of the energy at the start, a seventh of what that exchange takes until the end. The splash
-// is chaotic: of twelve runs that differ in the thirteenth digit of gravity the gap is 0.17 to 0.54 %.
+// step of five: 1 % of the energy at the start, a seventh of what that exchange takes until the end. The
+// splash is chaotic: of twelve runs that differ in the thirteenth digit of gravity the gap is 0.17 to 0.54 %.
 TEST_CASE("a dam break has the converged front, and its splash keeps mass, volume and the ledger of energies",
           "[fluid][verification]")
 {
