@@ -70,15 +70,20 @@ class Cases(programs.SystemTest):
 
     def test_two_gates_move_as_one_and_its_mirror_image(self):
         """Two solid programs, mirror images of each other, and so is the fluid's lattice (seeding = "mirrored": 24 columns of nodes at 10 over half the
-        width, 12 on each side as in the tank of the single gate). The two differ by round-off until remeshing decides differently: 1 %. A plane of symmetry is
-        water, the wall of the single gate has nodes of its own: 10 %, half of the single gate's mesh error of 21 % at 10 nodes."""
-        summary = self.run_case("two_gates", "--set", "run.resolution=10", "--until", "0.08")
-        self.expect_kept_impulses(summary)
-        self.assertTrue({"left_gate", "right_gate"} <= set(summary), list(summary))
-        left, right = (compare.read_csv(self.out / "history" / f"{name}_tip.csv") for name in ("left", "right"))
-        for column, factor in (("u_x[m]", -1.0), ("u_y[m]", 1.0)):
-            mirrored = factor * np.interp(right["t[s]"], left["t[s]"], left[column])
-            self.assertLess(np.max(np.abs(mirrored - right[column])), 0.01 * np.max(np.abs(right[column])), column)
+        width, 12 on each side as in the tank of the single gate). The two differ by round-off until remeshing decides differently, and by how much is then round-off's
+        choice: the median of three runs whose gravity differs in the thirteenth digit, 1 %. A plane of symmetry is water, the wall of the single gate has nodes
+        of its own: 10 %, half of the single gate's mesh error of 21 % at 10 nodes."""
+        apart = {"u_x[m]": [], "u_y[m]": []}
+        for g in (9.81 * (1.0 + k * 1e-13) for k in range(3)):
+            summary = self.run_case("two_gates", "--set", "run.resolution=10", "--set", f"fluid.gravity=[0.0, -{g:.17g}]", "--until", "0.08")
+            self.expect_kept_impulses(summary)
+            self.assertTrue({"left_gate", "right_gate"} <= set(summary), list(summary))
+            left, right = (compare.read_csv(self.out / "history" / f"{name}_tip.csv") for name in ("left", "right"))
+            for column, factor in (("u_x[m]", -1.0), ("u_y[m]", 1.0)):
+                mirrored = factor * np.interp(right["t[s]"], left["t[s]"], left[column])
+                apart[column].append(np.max(np.abs(mirrored - right[column])) / np.max(np.abs(right[column])))
+        for column, values in apart.items():
+            self.assertLess(np.median(values), 0.01, (column, values))
         self.run_case("elastic_gate", "--set", "run.resolution=10", "--until", "0.08")
         single = compare.read_csv(self.out / "history" / "tip.csv")
         for gate, sign in ((left, -1.0), (right, 1.0)):
