@@ -204,6 +204,17 @@ bool MovingDelaunay<2>::wants_flip(index_t t, int k, bool may_walk) const
 }
 
 /// (a, b, c) and (d, c, b) become (a, b, d) and (a, d, c).
+/// After the flip an end of the edge would be in two triangles only, which then share two edges: neighbours
+/// are told apart by their numbers, so this must not be. It happens only where triangles are turned over.
+bool MovingDelaunay<2>::leaves_lens(index_t t, int k) const
+{
+  const auto k0 = static_cast<std::size_t>(k);
+  const Triangle& p = triangles_[static_cast<std::size_t>(t)];
+  const Triangle& q = triangles_[static_cast<std::size_t>(p.next[k0])];
+  const auto l0 = static_cast<std::size_t>(edge_to(p.next[k0], t));
+  return p.next[(k0 + 2) % 3] == q.next[(l0 + 1) % 3] || p.next[(k0 + 1) % 3] == q.next[(l0 + 2) % 3];
+}
+
 void MovingDelaunay<2>::flip(index_t t, int k)
 {
   Triangle& p = triangles_[static_cast<std::size_t>(t)];
@@ -254,7 +265,7 @@ bool MovingDelaunay<2>::repair()
     stack_.pop_back();
     if (!wants_flip(t, k, walks > 0))
       continue;
-    if (--left < 0)
+    if (--left < 0 || leaves_lens(t, k))
       return false;
     const index_t u = triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)];
     auto &good_t = positive_[static_cast<std::size_t>(t)], &good_u = positive_[static_cast<std::size_t>(u)];

@@ -81,6 +81,7 @@ private:
   void rebuild(double least_extent);
   bool positive(const Triangle& t) const;
   bool wants_flip(index_t t, int k, bool may_walk) const;
+  bool leaves_lens(index_t t, int k) const;
   void flip(index_t t, int k);
   int corner_of(index_t t, index_t v) const;
   int edge_to(index_t t, index_t other) const;
