@@ -164,6 +164,49 @@ TEST_CASE("flips give the triangulation that CGAL gives, in 2000 states of movin
   CHECK(flips > 2000);
 }
 
+// Single points jump through their neighbours: triangles turn over, and flips mend them or give up.
+TEST_CASE("flips mend triangles that were turned over, or all is made anew", "[fluid][unit]")
+{
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> u(-1.0, 1.0);
+  constexpr int n = 20;
+  std::vector<Vec<2>> x;
+  for (int k = 0; k < n * n; ++k)
+    x.push_back({{k % n + 0.3 * u(random), k / n + 0.3 * u(random)}});
+  MovingDelaunay<2> moving;
+  std::int64_t wrong = 0;
+  for (int state = 0; state < 1500; ++state)
+  {
+    moving.update(x);
+    std::vector<Simplex<2>> ours = moving.simplices(), theirs = delaunay(x);
+    for (auto* all : {&ours, &theirs})
+    {
+      std::erase_if(*all,
+                    [&x](const Simplex<2>& e)
+                    {
+                      std::array<Vec<2>, 3> corner;
+                      for (std::size_t a = 0; a < 3; ++a)
+                        corner[a] = x[static_cast<std::size_t>(e[a])];
+                      return circumradius<2>(corner) > 30.0;
+                    });
+      for (auto& e : *all)
+        std::sort(e.begin(), e.end());
+      std::sort(all->begin(), all->end());
+    }
+    wrong += ours != theirs;
+    for (int jump = 0; jump < 3; ++jump)
+    {
+      auto& p = x[static_cast<std::size_t>(random() % x.size())];
+      p += Vec<2>{{1.2 * u(random), 1.2 * u(random)}};
+      for (int i = 0; i < 2; ++i)
+        p[i] = std::clamp(p[i], 0.1 * u(random), n - 1.0 + 0.1 * u(random));
+    }
+  }
+  CAPTURE(moving.count().repairs, moving.count().rebuilds, moving.count().flips);
+  CHECK(wrong == 0);
+  CHECK(moving.count().repairs > 300);
+}
+
 namespace
 {
 
