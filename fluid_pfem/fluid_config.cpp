@@ -443,11 +443,12 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
       t.integer({"threads", "",
                  "threads of each rank of the fluid, each on a core of its own; results do not depend on it"},
                 1, between(1, 256)));
-  config.look_every = t.integer({"look_every", "",
-                                 "fluid alone: steps between looks at the mesh and at the stable step, which "
-                                 "a coupled run takes once a window; 0: 4 and 8, and at the step at once "
-                                 "again where it had to fall"},
-                                0, at_least(0));
+  config.look_every =
+      t.integer({"look_every", "",
+                 "steps between looks at the stable step, and of a fluid alone at the mesh; 0: 8 "
+                 "and 4, and alone at once again where the step had to fall. Beside a solid "
+                 "every window looks while its step is within a factor of 4 of the limit"},
+                0, at_least(0));
   return config;
 }
 

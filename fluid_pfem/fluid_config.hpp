@@ -122,7 +122,7 @@ struct FluidConfig : Body
   int threads = 1;            ///< that compute the fluid; results do not depend on it
   double collapse =
       1e-3; ///< alone: a stable step below this fraction of the largest one ends the run; 0: never
-  std::int64_t look_every = 0; ///< alone: steps between looks at mesh and stable step; 0: 4 and 8
+  std::int64_t look_every = 0; ///< steps between looks at the stable step, alone at the mesh too; 0: 8 and 4
 };
 
 /// @throws InputError

@@ -40,10 +40,11 @@ struct Balance
 };
 
 template <int dim>
-link::Report report_of(Fluid<dim>& fluid, const Balance& balance, double initial_potential)
+link::Report report_of(const Fluid<dim>& fluid, double stable_dt, const Balance& balance,
+                       double initial_potential)
 {
   link::Report report;
-  report.stable_dt = fluid.critical_time_step();
+  report.stable_dt = stable_dt;
   report.kinetic_energy = balance.energy.kinetic;
   report.internal_energy = balance.energy.internal;
   report.external_work = initial_potential - balance.energy.potential;
@@ -86,17 +87,24 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
   double initial_potential = 0.0;
   Balance balance;
   RowTimes rows(history_interval); // of the coupler, which reads energies and mass there only
+  LimitLooks looks;
+  if (fluid.config().look_every > 0)
+    looks.every = fluid.config().look_every;
   const StateVisitor state = [&](StateArchive& archive)
   {
     archive("fluid", fluid);
     archive("initial_potential", initial_potential);
     archive("rows", rows);
+    archive("limit", looks.limit);
+    archive("last_look", looks.last);
   };
-  const auto report = [&](bool surface_changed, bool row)
+  const auto report = [&](double dt, bool surface_changed, bool row)
   {
     if (row)
       balance.take(fluid);
-    link::Report r = report_of(fluid, balance, initial_potential);
+    if (looks.is_due(fluid.steps(), dt))
+      looks.look(fluid.steps(), fluid.critical_time_step());
+    link::Report r = report_of(fluid, looks.limit, balance, initial_potential);
     r.surface_changed = surface_changed;
     r.wait_seconds = link.wait_seconds();
     r.compute_seconds = seconds_since(begin) - r.wait_seconds;
@@ -123,7 +131,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
   std::vector<double> f_link(fluid.interface_velocity().size());
   if (!persistence.restarts())
     rows.written(setup.t_begin);
-  report(false, true);
+  report(0.0, false, true);
 
   bool stop_asked = false;
   while (const auto window = link.next_window())
@@ -178,7 +186,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
     {
       at_begin->read_back();
       state(*at_begin);
-      report(false, false);
+      report(dt, false, false);
       continue;
     }
     observe(window->t_end, fluid, window->output);
@@ -187,13 +195,18 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
       rows.written(window->t_end);
 
     const bool remesh = !window->last && fluid.is_distorted();
-    if (remesh && !sees_solid)
+    const auto remesh_now = [&]
+    {
       fluid.remesh();
-    report(remesh, row);
+      looks.forget();
+    };
+    if (remesh && !sees_solid)
+      remesh_now();
+    report(dt, remesh, row);
     if (remesh && sees_solid)
     {
       fluid.meet_solid(link.receive_surface());
-      fluid.remesh();
+      remesh_now();
     }
     if (remesh)
     {
@@ -201,7 +214,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
       link.send_mesh_update(fluid.wet_surface());
     }
     if (remesh && sees_solid)
-      report(false, row);
+      report(dt, false, row);
   }
 }
 

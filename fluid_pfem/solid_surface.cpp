@@ -143,7 +143,7 @@ bool SolidSurface<dim>::crossed_by(const Vec<dim>& a, const Vec<dim>& b, double 
   for (const index_t f : facets)
   {
     const std::span<const index_t> only(&f, 1);
-    const Vec<dim> n = surface_.nearest(a, only).normal;
+    const Vec<dim> n = surface_.normal_of(f);
     const auto corner = static_cast<std::size_t>(surface_.facets()[static_cast<std::size_t>(f)][0]);
     const double height = dot(n, a - surface_.x()[corner]), slope = dot(n, edge) / length;
     const double at = -height / slope;
@@ -175,16 +175,23 @@ bool SolidSurface<dim>::blocks(std::span<const Vec<dim>> corner, double h) const
   if (apart && outside_box(centroid, 2.0 * h))
     return false;
   constexpr double deep = 0.4, covered = 0.2; // of the spacing: a simplex may cut a corner of the solid
-  const double reach = 4.0 * h;
+  const double reach = 4.0 * h, tolerance = 0.02 * h;
   if (depth(centroid, reach) > covered * h)
     return true;
+  double radius = 0.0;
+  for (const Vec<dim>& x : corner)
+    radius = std::max(radius, norm(x - centroid));
+  std::vector<index_t> facets;
+  surface_.within(centroid, radius + tolerance, facets);
+  if (facets.empty()) // all of it is on the centroid's side
+    return false;
   for (std::size_t a = 0; a < corner.size(); ++a)
     for (std::size_t b = a + 1; b < corner.size(); ++b)
     {
       for (int k = 1; k <= 3; ++k)
         if (depth((1.0 - 0.25 * k) * corner[a] + 0.25 * k * corner[b], reach) > deep * h)
           return true;
-      if (crossed_by(corner[a], corner[b], 0.02 * h))
+      if (crossed_by(corner[a], corner[b], tolerance))
         return true;
     }
   return false;

@@ -1,4 +1,4 @@
-// When a fluid alone looks at its stable step, and the step that follows.
+// When a fluid looks at its stable step, and the step that follows.
 #pragma once
 
 #include "common/time/step_ladder.hpp"
@@ -28,6 +28,26 @@ struct StepLooks
     last = step;
     dt = ladder.next(dt, limit);
   }
+};
+
+/// Beside a solid the coupler chooses the step; what it needs to know of the fluid's limit is whether it is
+/// near. The limit is looked at in every window while the step is within a factor of it, the one by which
+/// limits fell in eight steps of an impact, and else every so many steps.
+struct LimitLooks
+{
+  std::int64_t every = 8; ///< steps between two looks while the limit is far from the step
+  double near = 4.0;      ///< limit over step from which on it is far
+  double limit = 0.0;     ///< as last seen [s]; 0: look
+  std::int64_t last = 0;  ///< step of the last look
+
+  bool is_due(std::int64_t step, double dt) const { return limit <= near * dt || step - last >= every; }
+  void look(std::int64_t step, double limit_now)
+  {
+    limit = limit_now;
+    last = step;
+  }
+  /// The mesh is another one: what was seen says nothing of it.
+  void forget() { limit = 0.0; }
 };
 
 } // namespace undine::fluid

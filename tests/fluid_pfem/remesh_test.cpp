@@ -612,6 +612,51 @@ TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's ne
   CHECK(ends({{0.1, 0.0}}, {{0.0, 0.03}})[1] == Vec<2>{{0.0, 0.03}});
 }
 
+TEST_CASE("A triangle that does not meet the surface is blocked where its centroid is inside the solid")
+{
+  link::SurfaceMesh square; // [0, 1]²
+  square.dim = 2;
+  square.node_id = {0, 1, 2, 3};
+  square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
+  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
+  square.face_offset = {0, 2, 4, 6, 8};
+  SolidSurface<2> solid;
+  solid.show(square, 0.0);
+  const auto distance = [](const Vec<2>& x) // signed, negative inside
+  {
+    const double dx = std::abs(x[0] - 0.5) - 0.5, dy = std::abs(x[1] - 0.5) - 0.5;
+    return dx > 0.0 && dy > 0.0 ? std::hypot(dx, dy) : std::max(dx, dy);
+  };
+  constexpr double h = 0.2, covered = 0.2 * h; // the centre of the square is less than 4 h deep
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> place(-0.8, 1.8), side(-h, h);
+  std::array<int, 2> met{};
+  for (int trial = 0; trial < 20000; ++trial)
+  {
+    const Vec<2> at{{place(random), place(random)}};
+    std::array<Vec<2>, 3> corner;
+    Vec<2> centroid{};
+    for (Vec<2>& x : corner)
+    {
+      x = at + Vec<2>{{side(random), side(random)}};
+      centroid += (1.0 / 3.0) * x;
+    }
+    double nearest =
+        1.0; // the distance changes by no more than the way: points 1/20 of an edge apart bound it
+    for (std::size_t a = 0; a < 3; ++a)
+      for (int k = 0; k < 20; ++k)
+        nearest =
+            std::min(nearest, std::abs(distance(corner[a] + (0.05 * k) * (corner[(a + 1) % 3] - corner[a]))));
+    if (nearest < 0.05 * 3.0 * h || std::abs(distance(centroid) + covered) < 1e-9)
+      continue;
+    const bool inside = distance(centroid) < -covered;
+    ++met[inside];
+    REQUIRE(solid.blocks(corner, h) == inside);
+  }
+  CHECK(met[0] > 1000);
+  CHECK(met[1] > 1000);
+}
+
 TEST_CASE("A long edge past a corner of the solid gets no node where it would lie deep inside")
 {
   link::SurfaceMesh square; // [0, 1]²

@@ -68,6 +68,14 @@ class Cases(programs.SystemTest):
         self.assertGreater(len(rows[0]), 8)
         self.assertEqual(set(rows[0]) - set(rows[1]), set())
 
+    def test_the_limit_of_the_fluid_is_looked_at_where_it_counts(self):
+        """The gate's step is a ninth of the water's: looked at in every window or in every eighth, the water's limit chooses nothing."""
+        frames = []
+        for every in ("1", "0"):
+            self.run_case("elastic_gate", "--set", "run.resolution=10", "--set", f"fluid.look_every={every}", "--until", "0.02")
+            frames.append([(self.out / name).read_bytes() for name in ("fluid.h5", "solid.h5", "history/energy.csv", "history/tip.csv")])
+        self.assertTrue(frames[0] == frames[1])
+
     def test_two_gates_move_as_one_and_its_mirror_image(self):
         """Two solid programs, mirror images of each other, and so is the fluid's lattice (seeding = "mirrored": 24 columns of nodes at 10 over half the
         width, 12 on each side as in the tank of the single gate). The two differ by round-off until remeshing decides differently, and by how much is then round-off's
