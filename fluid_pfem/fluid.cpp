@@ -41,8 +41,8 @@ double third(const Vec<dim>& x)
 } // namespace
 
 template <int dim>
-Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks)
-    : config_(config), team_(config.threads, ranks)
+Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks, Cut cut)
+    : config_(config), team_(config.threads, ranks, std::move(cut))
 {
   const bool impedance = std::any_of(config.walls.begin(), config.walls.end(),
                                      [](const WallConfig& wall) { return wall.kind == WallKind::impedance; });

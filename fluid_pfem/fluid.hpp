@@ -127,7 +127,8 @@ class Fluid
 public:
   /// Seed the box, triangulate, set the initial density. @throws InputError for unknown surface names, and
   /// for what needs one rank
-  explicit Fluid(const FluidConfig& config, const Ranks& ranks = {});
+  /// @param cut where the mesh is cut, at the start and in every remesh
+  explicit Fluid(const FluidConfig& config, const Ranks& ranks = {}, Cut cut = even_cut);
 
   // --- one step, in this order; collective, as all that changes the state
   // --------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -37,13 +38,26 @@ struct Share
   }
 };
 
+/// First block of elements of share k of so many: 0 for k = 0, all blocks for k = shares, and never falling.
+/// All ranks must give the same answers, however uneven.
+using Cut = std::function<index_t(index_t blocks, index_t k, index_t shares)>;
+
+/// Shares that differ by a block at most.
+inline index_t even_cut(index_t blocks, index_t k, index_t shares)
+{
+  return static_cast<index_t>(std::int64_t{blocks} * k / shares);
+}
+
 /// The threads of a rank, and its part among the ranks: ranges of nodes and elements in their order, so that
 /// every sum over the elements of a node has the order that it has on one rank. With one thread nothing is
 /// started and nothing is shared.
 class Team
 {
 public:
-  explicit Team(int threads = 1, Ranks ranks = {}) : ranks_(std::move(ranks)), threads_(threads) {}
+  explicit Team(int threads = 1, Ranks ranks = {}, Cut cut = even_cut)
+      : ranks_(std::move(ranks)), threads_(threads), cut_(std::move(cut))
+  {
+  }
 
   const Ranks& ranks() const { return ranks_; }
   /// The rank's part of the nodes and of the elements, all threads together.
@@ -70,7 +84,7 @@ public:
     const index_t blocks = (n + element_block - 1) / element_block, parts = ranks_.size() * threads_;
     std::vector<index_t> first;
     for (index_t k = 0; k <= parts; ++k)
-      first.push_back(std::min(n, static_cast<index_t>(std::int64_t{blocks} * k / parts) * element_block));
+      first.push_back(std::min(n, cut_(blocks, k, parts) * element_block));
     return first;
   }
 
@@ -155,6 +169,7 @@ public:
 private:
   Ranks ranks_;
   int threads_ = 1;
+  Cut cut_;
   std::vector<Share> shares_;
   std::vector<index_t> nodes_of_ranks_, elements_of_ranks_, earlier_;
 };

@@ -75,6 +75,9 @@ public:
   /// solid. Results have the bits of one rank. Collective, as are from here on all steps and everything that
   /// says so.
   void distribute(const Ranks& ranks);
+  /// The same where the rank of every node is given, however unevenly. @throws InternalError if what must be
+  /// rank 0's is not
+  void distribute(const Ranks& ranks, std::vector<int> owner);
   const Ranks& ranks() const { return share_.ranks(); }
   /// The nodes of this rank; rows of others in nodes() are out of date.
   const NodeShare& share() const { return share_; }

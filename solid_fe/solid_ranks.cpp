@@ -81,7 +81,7 @@ std::vector<Lanes> packs_of(const ReferenceBlock<Element>& block, const std::vec
 template <int dim>
 std::vector<char> Solid<dim>::nodes_of_first_rank() const
 {
-  std::vector<char> marked(nodes_.X.size(), 0);
+  std::vector<char> marked(nodes_.X.size(), beam_ ? 1 : 0);
   for (const auto& body : rigid_)
     for (const auto n : body.members())
       marked[n] = 1;
@@ -136,12 +136,20 @@ void Solid<dim>::distribute(const Ranks& ranks)
 {
   if (ranks.alone())
     return;
-  const auto parts = [&]
-  {
-    return beam_ ? std::vector<int>(nodes_.X.size(), 0)
-                 : partition(graph_of_nodes(), nodes_of_first_rank(), ranks.size());
-  };
-  auto owner = ranks.of_first(ranks.rank() == 0 ? parts() : std::vector<int>{});
+  const auto parts = [&] { return partition(graph_of_nodes(), nodes_of_first_rank(), ranks.size()); };
+  distribute(ranks, ranks.of_first(ranks.rank() == 0 ? parts() : std::vector<int>{}));
+}
+
+template <int dim>
+void Solid<dim>::distribute(const Ranks& ranks, std::vector<int> owner)
+{
+  if (ranks.alone())
+    return;
+  require(owner.size() == nodes_.X.size(), "a rank for each node");
+  const std::vector<char> first = nodes_of_first_rank();
+  for (std::size_t n = 0; n < owner.size(); ++n)
+    require(owner[n] >= 0 && owner[n] < ranks.size() && (first[n] == 0 || owner[n] == 0),
+            "what must be rank 0's is, and the rest some rank's");
 
   // The forces on a rank's nodes need the elements that touch them; with nodal dilatation pressures come from
   // the neighbours' elements, and their volume changes from those of the next neighbours.

@@ -28,15 +28,23 @@ std::int64_t steps_wanted(std::int64_t steps)
   return wanted ? std::atoll(wanted) : steps;
 }
 
-/// One step as run_alone makes it. @returns it remeshed
+/// What happens between two steps. @returns it remeshed
 template <int dim>
-bool advance(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
+bool look(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
 {
   const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
   if (remesh)
     fluid.remesh();
   if (remesh || step % 8 == 0)
     dt = ladder.next(dt, fluid.critical_time_step());
+  return remesh;
+}
+
+/// One step as run_alone makes it. @returns it remeshed
+template <int dim>
+bool advance(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
+{
+  const bool remesh = look(fluid, step, ladder, dt);
   fluid.predict(dt);
   fluid.solve_free_motion(dt);
   return remesh;
@@ -70,11 +78,7 @@ bool advance_coupled(Fluid<dim>& fluid, std::int64_t step, const StepLadder& lad
       j *= 0.01;
     fluid.apply_activation(start);
   }
-  const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
-  if (remesh)
-    fluid.remesh();
-  if (remesh || step % 8 == 0)
-    dt = ladder.next(dt, fluid.critical_time_step());
+  const bool remesh = look(fluid, step, ladder, dt);
   fluid.predict(dt);
   fluid.solve_free_motion_of_interface(dt);
   const auto v = fluid.interface_velocity();
@@ -88,11 +92,7 @@ bool advance_coupled(Fluid<dim>& fluid, std::int64_t step, const StepLadder& lad
 template <int dim>
 bool advance_in_contact(Fluid<dim>& fluid, std::int64_t step, const StepLadder& ladder, double& dt)
 {
-  const bool remesh = step > 0 && step % 4 == 0 && fluid.is_distorted();
-  if (remesh)
-    fluid.remesh();
-  if (remesh || step % 8 == 0)
-    dt = ladder.next(dt, fluid.critical_time_step());
+  const bool remesh = look(fluid, step, ladder, dt);
   fluid.predict_velocity(dt);
   fluid.push(force_on_wet<dim>(fluid, fluid.interface_velocity()), dt);
   fluid.predict_position(dt);
@@ -163,11 +163,12 @@ bool same(const FluidMass& a, const FluidMass& b)
 template <int dim>
 std::int64_t check_same_bits(const FluidConfig& config, std::int64_t steps, std::int64_t least_remeshes,
                              bool (*advance)(Fluid<dim>&, std::int64_t, const StepLadder&,
-                                             double&) = ::advance<dim>)
+                                             double&) = ::advance<dim>,
+                             const Cut& cut = even_cut)
 {
   const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
   const bool first = ranks.rank() == 0;
-  Fluid<dim> part(config, ranks);
+  Fluid<dim> part(config, ranks, cut);
   std::optional<Fluid<dim>> alone;
   if (first)
     alone.emplace(config);
@@ -251,6 +252,52 @@ FluidConfig drop_in_space(double h)
   return config;
 }
 
+/// Three rows of 401 nodes, of which two are wet.
+FluidConfig film()
+{
+  FluidConfig config = test::hydraulic(0.01, 30.0);
+  config.size = {4.0, 0.02, 0.0};
+  config.gravity = {0.0, -9.81, 0.0};
+  config.initial_velocity = {Expression("0.3*sin(3*x)", ""), Expression("0", "")};
+  config.interfaces = {{"below", "bottom"}, {"above", "top"}};
+  config.remesh.only_if_moved = false;
+  return config;
+}
+
+/// A cut that leaves most to one rank, or to another rank after every remesh.
+struct Uneven
+{
+  std::string name;
+  Cut cut;
+  double largest; ///< part of all nodes that some rank has, at least
+  bool wanders = false;
+};
+
+/// For more than one rank; there are as many shares as ranks.
+std::vector<Uneven> uneven_cuts(int ranks)
+{
+  if (ranks == 1)
+    return {};
+  const auto nine_tenths = [](index_t heavy)
+  {
+    return [heavy](index_t blocks, index_t k, index_t shares)
+    { return blocks * (k + (k > heavy ? 9 * (shares - 1) - 1 : 0)) / (10 * (shares - 1)); };
+  };
+  // Some 20 blocks: 90 % of them are 18 at least.
+  return {{"rounded up",
+           [](index_t blocks, index_t k, index_t shares) { return (blocks * k + shares - 1) / shares; }, 0.0},
+          {"nine tenths on the first", nine_tenths(0), 0.85},
+          {"nine tenths on the last", nine_tenths(ranks - 1), 0.85},
+          {"all on the first", [](index_t blocks, index_t k, index_t) { return k > 0 ? blocks : 0; }, 1.0},
+          {"nine tenths on another in every remesh",
+           [nine_tenths, heavy = 0](index_t blocks, index_t k, index_t shares) mutable
+           {
+             heavy = k == 0 ? (heavy + 1) % shares : heavy;
+             return nine_tenths(heavy)(blocks, k, shares);
+           },
+           0.85, true}};
+}
+
 } // namespace
 
 TEST_CASE("a dam break has the same bits on any number of ranks", "[ranks]")
@@ -327,16 +374,11 @@ TEST_CASE("all nodes on one rank, beside an interface", "[ranks]")
   CHECK(check_same_bits<2>(config, 40, 1, advance_coupled<2>) == 1);
 }
 
-// Three rows of 401 nodes, of which two are wet: as many ranks as there are blocks of elements have wet
-// nodes, and pass to each other what forces on them need.
+// As many ranks as there are blocks of elements have wet nodes, and pass to each other what forces on them
+// need.
 TEST_CASE("a film between two interfaces: all ranks have wet nodes", "[ranks]")
 {
-  FluidConfig config = test::hydraulic(0.01, 30.0);
-  config.size = {4.0, 0.02, 0.0};
-  config.gravity = {0.0, -9.81, 0.0};
-  config.initial_velocity = {Expression("0.3*sin(3*x)", ""), Expression("0", "")};
-  config.interfaces = {{"below", "bottom"}, {"above", "top"}};
-  config.remesh.only_if_moved = false;
+  FluidConfig config = film();
   const int size = ranks_of(MPI_COMM_WORLD, 60.0).size();
   SECTION("that stay") { CHECK(check_same_bits<2>(config, 60, 1, advance_coupled<2>) >= std::min(size, 6)); }
   SECTION("with threads")
@@ -362,6 +404,54 @@ TEST_CASE("a slab in space on a wet floor", "[ranks]")
   config.remesh.only_if_moved = false;
   const int size = ranks_of(MPI_COMM_WORLD, 60.0).size();
   CHECK(check_same_bits<3>(config, 24, 1, advance_coupled<3>) >= std::min((size + 1) / 2, 2));
+}
+
+// Truth: one rank, as everywhere here. Where most is one rank's the cut lies in other rows than an even one,
+// and the other ranks have a block each or none; where it changes from remesh to remesh most nodes move from
+// rank to rank, with all that is kept of them.
+TEST_CASE("however uneven the parts of the ranks, the bits are the same", "[ranks]")
+{
+  const auto often = [](FluidConfig config)
+  {
+    config.remesh.only_if_moved = false;
+    config.remesh.every = 12; // steps
+    return config;
+  };
+  const FluidConfig column = often(test::dam_break_config(0.146 / 36.0)),
+                    drop = often(drop_over_pool(1.0 / 60.0)), in_space = often(drop_in_space(1.0 / 11.0)),
+                    wet = often(film());
+  for (const Uneven& uneven : uneven_cuts(ranks_of(MPI_COMM_WORLD, 60.0).size()))
+    DYNAMIC_SECTION(uneven.name)
+    {
+      check_same_bits<2>(column, steps_wanted(60), 4, advance<2>, uneven.cut);
+      check_same_bits<2>(drop, steps_wanted(60), 4, advance<2>, uneven.cut);
+      check_same_bits<3>(in_space, 30, 2, advance<3>, uneven.cut);
+      check_same_bits<2>(wet, 60, 4, advance_coupled<2>, uneven.cut);
+    }
+}
+
+// The test above is worth what its parts are uneven.
+TEST_CASE("the mesh is cut where it is to be cut, in every remesh", "[ranks]")
+{
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
+  for (const auto& [name, cut, largest, wanders] : uneven_cuts(ranks.size()))
+  {
+    INFO(name);
+    Fluid<2> fluid(test::dam_break_config(0.146 / 36.0), ranks, cut);
+    std::int64_t had_most = -1;
+    for (int remeshes = 0; remeshes < 4; ++remeshes)
+    {
+      const std::vector<index_t> first = ranks.gather(std::vector{fluid.node_range()[0]});
+      std::vector<index_t> count;
+      for (std::size_t r = 0; r < first.size(); ++r)
+        count.push_back((r + 1 < first.size() ? first[r + 1] : fluid.nodes().size()) - first[r]);
+      const auto most = std::max_element(count.begin(), count.end());
+      CHECK(*most >= largest * fluid.nodes().size());
+      CHECK((!wanders || most - count.begin() != had_most));
+      had_most = most - count.begin();
+      fluid.remesh();
+    }
+  }
 }
 
 TEST_CASE("what needs one rank says so", "[ranks]")

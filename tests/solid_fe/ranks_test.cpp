@@ -9,6 +9,7 @@
 
 #include <catch2/catch.hpp>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -107,14 +108,25 @@ std::string differences(const std::map<std::string, std::string>& a,
 
 /// Runs on all ranks and, on rank 0, alone; compares at the start, every fifty steps and at the end. In the
 /// middle the state goes through a file: that of several ranks continues on one, and the other way round.
+/// @param rank_of of node n of so many, if the cut is not to be METIS's
 template <int dim>
-void check_same_bits(const SolidConfig& config, const Mesh<dim>& mesh, int steps = 100)
+void check_same_bits(const SolidConfig& config, const Mesh<dim>& mesh, int steps = 100,
+                     int (*rank_of)(index_t n, index_t nodes, int ranks) = nullptr)
 {
   steps = steps_wanted(steps);
   const Ranks ranks = world();
   const bool first = ranks.rank() == 0;
+  const auto distribute = [&](Solid<dim>& solid)
+  {
+    if (!rank_of)
+      return solid.distribute(ranks);
+    std::vector<int> owner;
+    for (index_t n = 0; n < mesh.n_nodes(); ++n)
+      owner.push_back(rank_of(n, mesh.n_nodes(), ranks.size()));
+    solid.distribute(ranks, std::move(owner));
+  };
   Solid<dim> part(config, mesh);
-  part.distribute(ranks);
+  distribute(part);
   StepWatch<dim> watch, watch_alone;
   std::optional<Solid<dim>> alone;
   if (first)
@@ -155,7 +167,7 @@ void check_same_bits(const SolidConfig& config, const Mesh<dim>& mesh, int steps
       }
       ranks.any(false); // the files are there
       part = Solid<dim>(config, mesh);
-      part.distribute(ranks);
+      distribute(part);
       {
         StateArchive from(folder + "/alone.h5");
         from("solid", part);
@@ -174,7 +186,7 @@ void check_same_bits(const SolidConfig& config, const Mesh<dim>& mesh, int steps
   const auto e = part.energies();
   CHECK((part.contact() == nullptr || e.contact != 0.0)); // there was something to compare
   CHECK((config.material.law != "j2" || e.plastic > 0.0));
-  CHECK((ranks.alone() || part.beam() != nullptr || part.share().n_own() < part.nodes().X.size()));
+  CHECK((ranks.alone() || part.beam() != nullptr || rank_of || part.share().n_own() < part.nodes().X.size()));
 }
 
 /// Fixed on the left, pushed along the other sides, damped in every way, under gravity.
@@ -265,6 +277,43 @@ TEST_CASE("a wet block has the bits of one rank", "[solid][ranks]")
   config.wet.push_back({.interface = "water", .surface = "left"});
   config.wet.push_back({.interface = "water", .surface = "bottom"});
   check_same_bits<2>(config, distorted_box<2>(ElementType::quadrilateral4, 5));
+}
+
+// METIS would not cut so: nearly all on one rank, all on one, and neighbours never together, so that every
+// element is computed by as many ranks as it has corners.
+TEST_CASE("however uneven the parts of the ranks, the bits are those of one", "[solid][ranks]")
+{
+  using RankOf = int (*)(index_t, index_t, int);
+  const std::array<RankOf, 5> cuts{
+      [](index_t n, index_t nodes, int ranks) { return 10 * n < 9 * nodes ? 0 : 1 + n % (ranks - 1); },
+      [](index_t n, index_t nodes, int ranks) { return 10 * n < nodes ? n % (ranks - 1) : ranks - 1; },
+      [](index_t, index_t, int) { return 0; }, [](index_t, index_t, int ranks) { return ranks - 1; },
+      [](index_t n, index_t, int ranks) { return n % ranks; }};
+  if (world().alone())
+    return;
+  for (const RankOf rank_of : cuts)
+  {
+    auto config = loaded<2>("neo_hookean_ln");
+    config.formulation = Formulation::locking_free;
+    check_same_bits<2>(config, distorted_box<2>(ElementType::triangle3, 10), 60, rank_of);
+    config.wet = {{.interface = "water", .surface = "top"}, {.interface = "water", .surface = "right"}};
+    config.formulation = Formulation::full;
+    check_same_bits<2>(config, distorted_box<2>(ElementType::quadrilateral4, 10), 60, rank_of);
+    check_same_bits<3>(loaded<3>("neo_hookean_ln"), distorted_box<3>(ElementType::hexahedron8, 4), 40,
+                       rank_of);
+  }
+}
+
+TEST_CASE("what must be rank 0's can be nobody else's", "[solid][ranks]")
+{
+  const Ranks ranks = world();
+  auto config = loaded<2>("neo_hookean_ln");
+  config.contact = {{.nodes = "left", .surface = "left", .friction = 0.1}};
+  const auto mesh = distorted_box<2>(ElementType::quadrilateral4, 4);
+  Solid<2> solid(config, mesh);
+  std::vector<int> owner(static_cast<std::size_t>(mesh.n_nodes()), ranks.size() - 1);
+  if (!ranks.alone())
+    CHECK_THROWS_AS(solid.distribute(ranks, owner), InternalError);
 }
 
 TEST_CASE("contact, rigid parts and idle elements have the bits of one rank", "[solid][ranks]")
