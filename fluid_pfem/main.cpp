@@ -1,6 +1,7 @@
 // The fluid program: alone, or coupled to a solid through the coupler.
 #include "common/io/log.hpp"
 #include "common/io/summary.hpp"
+#include "common/parallel/time_split.hpp"
 #include "common/program/program.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/fluid_config.hpp"
@@ -12,6 +13,7 @@
 #include <chrono>
 #include <cstdio>
 #include <optional>
+#include <vector>
 
 namespace
 {
@@ -48,6 +50,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
     asked.history_interval = (launch.run.t_end - launch.run.t_begin) / 1000.0;
   fluid::FluidOutput<dim> output(asked, launch.probes, fluid);
   const auto begin = std::chrono::steady_clock::now();
+  const TimeSplit split(ranks);
   const double mass = fluid.mass();
   const auto observe = [&](double t, fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
   Checkpoints checkpoints = launch.checkpoints(*log);
@@ -99,9 +102,10 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
     }
 
   fluid.collect();
+  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const std::vector<RankTime> times = split.of_ranks(wait);
   if (!first)
     return stopped.empty() ? ExitCode::success : ExitCode::stopped;
-  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Summary summary;
   summary.set("fluid.t_end", fluid.time());
   summary.set("fluid.steps", fluid.steps());
@@ -114,6 +118,8 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
               1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
   summary.set("fluid.remeshes", fluid.remeshes());
   summary.set("fluid.mass_drift", fluid.mass() / mass - 1.0);
+  if (!ranks.alone())
+    write(summary, "fluid.", times);
   summary.write(launch.output.dir + "/fluid.json");
   log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(),
             fluid.remeshes(), wall, wait);

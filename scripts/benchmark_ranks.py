@@ -29,6 +29,12 @@ SOLID = "# The solid on several ranks"
 SOLIDS = [("square of Q4", "plane neo_hookean_ln 1e5 200"), ("the same, flowing (J2)", "plane j2 1e5 60"), ("cube of Hex8", "space neo_hookean_ln 2e4 60"),
           ("square of Q4, one wet side", "plane neo_hookean_ln 1e5 200 1"), ("square of Q4, all sides wet", "plane neo_hookean_ln 1e5 200 4")]
 
+SPLIT = ("Every distributed run says it in its summary: `rank_time_s` of `fluid` and `solid` in `summary.json`, a list with a number for each rank, in seconds "
+         "on the wall. *compute* is all that is none of the others (files included), *halo* is copying rows of ghosts to and from messages, *remesh* new meshes,"
+         " all three without waiting; *imbalance* is what the busiest rank had more of these three than this one, *wait* the rest of what a rank waited: for "
+         "messages, for ranks that are late now and early another time, for the coupler, for a core. The five add up to the time of the run, so 1 - (imbalance +"
+         " wait)/sum is the part in which a rank worked. The clock is read four times for each exchange of ghosts and twice for each remesh, never per node.")
+
 
 def measure(ranks, resolution, steps, dim):
     line = [*MPIRUN, "-n", str(ranks), str(ROOT / "build/release/bin/ranks_speed"), str(resolution), str(steps), str(dim)]
@@ -201,6 +207,11 @@ def main():
             out.append(f"| {'dam break' if dim == 2 else 'cube in space'} | {row['nodes']:.0f} | {r} | {1e3 * row['step_s']:.3g} | {1e3 * row['bound_s']:.3g} | "
                        f"{1e3 * row['per_remesh_s']:.3g} | {1e3 * row['wait_s']:.3g} | {100 * row['imbalance']:.2g} % | {1e3 * row['wall_s']:.3g} | {row['messages']:.2g}, {row['bytes'] / 1e3:.3g} | "
                        f"{step[1] / r / step[r]:.2f} | {whole[1] / r / whole[r]:.2f} | {work[1] / work[r]:.2f} | {all_work[1] / all_work[r]:.2f} | {row['peak_MB']:.3g} |")
+    out += ["", "## Where the time goes", "", SPLIT, "", "Of two ranks, milliseconds per step, mean of both, a remesh every 21 steps:", "",
+            "| nodes | wall | compute | halo | remesh | imbalance | wait |", "| --- | --- | --- | --- | --- | --- | --- |"]
+    for rows in found.values():
+        row = rows[2]
+        out.append(f"| {row['nodes']:.0f} | " + " | ".join(f"{1e3 * row[key]:.3g}" for key in ("wall_s", *(f"wall_{part}_s" for part in ("compute", "halo", "remesh", "imbalance", "wait")))) + " |")
     out += ["", "## A model of more ranks", "",
             f"Work per node and the work beside a cut from the table, two messages per cut and step of the measured size, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and "
             f"{BANDWIDTH / 1e9:g} GB/s per rank. Balance is taken as perfect. What two ranks take more than half of one counts as work beside the cut, also where they only took caches and memory from each other and from whoever else used the machine: the efficiency of the step is pessimistic. Ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half its layers.", ""]

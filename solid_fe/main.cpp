@@ -1,6 +1,7 @@
 // The solid program: alone, or coupled to a fluid through the coupler.
 #include "common/error.hpp"
 #include "common/io/log.hpp"
+#include "common/parallel/time_split.hpp"
 #include "common/program/program.hpp"
 #include "solid_fe/describe.hpp"
 #include "solid_fe/modes.hpp"
@@ -91,18 +92,22 @@ ExitCode run(const Launch& launch, const solid::SolidConfig& config)
   const solid::RunTimes times{.t_end = launch.run.t_end,
                               .frame_interval = launch.output.frame_interval,
                               .history_interval = launch.output.history_interval};
+  std::optional<link::SolverLink> coupler;
+  if (coupled) // every rank for its own wet nodes
+    coupler.emplace(world.path("coupler", 0), ranks.rank());
+  const TimeSplit split(ranks);
   const auto summarise = [&](const solid::RunResult& result, const char* status, ExitCode code)
   {
+    const auto times = split.of_ranks(coupler ? coupler->wait_seconds() : 0.0);
     auto summary = solid::summarise(solid, result);
     if (!first)
       return;
+    if (!ranks.alone())
+      write(summary, "", times);
     summary.set("status", status);
     summary.set("exit_code", static_cast<int>(code));
     summary.write(launch.output.dir + "/" + launch.role + ".json");
   };
-  std::optional<link::SolverLink> coupler;
-  if (coupled) // every rank for its own wet nodes
-    coupler.emplace(world.path("coupler", 0), ranks.rank());
   Checkpoints checkpoints = launch.checkpoints(*log);
   const Persistence persistence = launch.persistence(
       checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);

@@ -31,6 +31,9 @@ std::string json_string(std::string_view text)
   return out + "\"";
 }
 
+/// The shortest text that reads back the same.
+std::string json_number(double value) { return std::isfinite(value) ? fmt::format("{}", value) : "null"; }
+
 using Entry = std::pair<std::string, std::string>;
 
 /// `entries` all begin with the same `skip` characters; write what follows as one object.
@@ -74,10 +77,14 @@ void Summary::set_json(const std::string& key, std::string json)
   entries_.emplace_back(key, std::move(json));
 }
 
-void Summary::set(const std::string& key, double value)
+void Summary::set(const std::string& key, double value) { set_json(key, json_number(value)); }
+
+void Summary::set(const std::string& key, const std::vector<double>& list)
 {
-  set_json(key, std::isfinite(value) ? fmt::format("{}", value)
-                                     : "null"); // shortest text that reads back the same
+  std::string all;
+  for (const double value : list)
+    all += (all.empty() ? "" : ", ") + json_number(value);
+  set_json(key, "[" + all + "]");
 }
 
 void Summary::set(const std::string& key, long long value) { set_json(key, fmt::format("{}", value)); }

@@ -21,6 +21,7 @@ public:
   void set(const std::string& key, const std::string& value);
   void set(const std::string& key, const char* value) { set(key, std::string(value)); } // would prefer bool
   void set(const std::string& key, bool value);
+  void set(const std::string& key, const std::vector<double>& list);
   template <std::integral Integer>
   void set(const std::string& key, Integer value)
   {

@@ -46,6 +46,7 @@ public:
   {
     if (ranks_.alone())
       return;
+    const Ranks::Clock clock(ranks_, &Ranks::Cost::halo);
     constexpr std::size_t row = (sizeof(typename Field::value_type) + ...);
     allocate(row);
     for (std::size_t r = 0; r < send_.size(); ++r)
@@ -61,6 +62,7 @@ public:
   {
     if (ranks_.alone())
       return;
+    const Ranks::Clock clock(ranks_, &Ranks::Cost::halo);
     ranks_.wait(*messages_);
     for (std::size_t r = 0; r < receive_.size(); ++r)
     {

@@ -46,6 +46,14 @@ double cpu_seconds()
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+double seconds_since(std::chrono::steady_clock::time_point begin)
+{
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+/// Time on the wall that some part of it has [s].
+double booked(const Ranks::Cost& cost) { return cost.wall + cost.halo + cost.remesh; }
+
 /// Wait for all requests. @param others ranks at the other end, to name the silent one; may be empty
 void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others, const Ranks::Group& group)
 {
@@ -56,7 +64,7 @@ void complete(std::vector<MPI_Request>& requests, const std::vector<int>& others
     double cpu = cpu_seconds();
     ~Clocks()
     {
-      cost.wall += std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+      cost.wall += seconds_since(wall);
       cost.cpu += cpu_seconds() - cpu;
       ++cost.waits;
     }
@@ -113,6 +121,21 @@ Ranks ranks_of(MPI_Comm comm, double deadline)
 }
 
 Ranks::Cost Ranks::cost() const { return group_ ? group_->cost : Cost{}; }
+
+Ranks::Clock::Clock(const Ranks& ranks, double Cost::*part) : part_(part)
+{
+  if (ranks.alone())
+    return;
+  cost_ = &ranks.group_->cost;
+  booked_ = booked(*cost_);
+  begin_ = std::chrono::steady_clock::now();
+}
+
+Ranks::Clock::~Clock()
+{
+  if (cost_)
+    cost_->*part_ += seconds_since(begin_) - (booked(*cost_) - booked_);
+}
 
 void Ranks::max(std::span<double> values) const
 {

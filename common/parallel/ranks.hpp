@@ -3,6 +3,7 @@
 
 #include "common/parallel/exact_sum.hpp"
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -124,9 +125,27 @@ public:
   struct Cost
   {
     double wall = 0.0, cpu = 0.0;                    ///< waiting for others [s]
+    double halo = 0.0;                               ///< rows to and from messages, without waiting [s]
+    double remesh = 0.0;                             ///< new meshes, without the two above [s]
     std::int64_t waits = 0, messages = 0, bytes = 0; ///< sent by start()
   };
   Cost cost() const;
+  /// Books the time of a scope (on the wall) to a part of cost(), but for what is booked elsewhere meanwhile.
+  /// Nothing on one rank.
+  class Clock
+  {
+  public:
+    Clock(const Ranks& ranks, double Cost::*part);
+    ~Clock();
+    Clock(const Clock&) = delete;
+    Clock& operator=(const Clock&) = delete;
+
+  private:
+    Cost* cost_ = nullptr;
+    double Cost::*part_;
+    double booked_ = 0.0;
+    std::chrono::steady_clock::time_point begin_;
+  };
 
   struct Group; ///< of MPI; see mpi_ranks.hpp
   Ranks(std::shared_ptr<const Group> group, int rank, int size)

@@ -162,6 +162,7 @@ void renumber(std::vector<std::array<index_t, corners>>& simplices, const std::v
 template <int dim>
 void Fluid<dim>::remesh()
 {
+  const Ranks::Clock clock(ranks(), &Ranks::Cost::remesh);
   const bool bad = mesh_is_bad();
   if (bad) // the exchange of mass of the last step is part of the density that stays
   {

@@ -6,8 +6,10 @@
 // prints one JSON object for the slowest rank of each act: seconds per step of processor time, without what
 // was spent waiting for other ranks and in moving what they gather; "all_steps_s" and "all_remesh_s" are sums
 // of the acts over all ranks; messages and bytes per step and rank; "peak_MB" is the memory of the largest
-// rank; "imbalance" is what the slowest rank computes in its steps over the mean of all, less 1.
+// rank; "imbalance" is what the slowest rank computes in its steps over the mean of all, less 1;
+// "wall_halo_s" and so on are the parts of the time on the wall, the mean of all ranks (none on one rank).
 #include "common/parallel/mpi_ranks.hpp"
+#include "common/parallel/time_split.hpp"
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
@@ -18,6 +20,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <ctime>
+#include <optional>
 
 using namespace undine;
 using namespace undine::fluid;
@@ -53,6 +56,7 @@ void measure(FluidConfig config, std::int64_t steps)
   double dt = 0.0;
   auto wall_begin = std::chrono::steady_clock::now();
   Ranks::Cost before = ranks.cost();
+  std::optional<TimeSplit> split;
   std::int64_t remeshes_before = 0;
   for (std::int64_t step = -first_steps; step < steps; ++step)
   {
@@ -61,6 +65,7 @@ void measure(FluidConfig config, std::int64_t steps)
       seconds = {};
       wall_begin = std::chrono::steady_clock::now();
       before = ranks.cost();
+      split.emplace(ranks);
       remeshes_before = fluid.remeshes();
     }
     bool remesh = false;
@@ -78,14 +83,19 @@ void measure(FluidConfig config, std::int64_t steps)
           });
   }
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
+  RankTime part;
+  for (const RankTime& rank : split->of_ranks(0.0))
+    for (double RankTime::*of :
+         {&RankTime::compute, &RankTime::halo, &RankTime::remesh, &RankTime::imbalance, &RankTime::wait})
+      part.*of += rank.*of / ranks.size();
   const Ranks::Cost cost = ranks.cost();
   const auto per_step = [&](double x) { return x / static_cast<double>(steps); };
   double mean = 0.0;
-  for (const double part : ranks.gather(std::vector<double>{seconds[0] + seconds[1]}))
-    mean += part / ranks.size();
+  for (const double of_rank : ranks.gather(std::vector<double>{seconds[0] + seconds[1]}))
+    mean += of_rank / ranks.size();
   std::array<double, 2> all{}; // of all ranks: steps, remeshes
-  for (const auto& part : ranks.gather(std::vector{std::array{seconds[0] + seconds[1], seconds[2]}}))
-    all = {all[0] + part[0], all[1] + part[1]};
+  for (const auto& acts : ranks.gather(std::vector{std::array{seconds[0] + seconds[1], seconds[2]}}))
+    all = {all[0] + acts[0], all[1] + acts[1]};
   rusage use{};
   getrusage(RUSAGE_SELF, &use);
   const double peak = ranks.max(static_cast<double>(use.ru_maxrss) * 1024e-6); // MB
@@ -99,10 +109,13 @@ void measure(FluidConfig config, std::int64_t steps)
         "{{\"ranks\": {}, \"nodes\": {}, \"steps\": {}, \"remeshes\": {}, \"step_s\": {:.6g}, \"bound_s\": "
         "{:.6g}, \"remesh_s\": {:.6g}, \"wait_s\": {:.6g}, \"wall_s\": {:.6g}, "
         "\"messages\": {:.3g}, \"bytes\": {:.6g}, \"waits\": {:.3g}, \"imbalance\": {:.3g}, \"all_steps_s\": "
-        "{:.6g}, \"all_remesh_s\": {:.6g}, \"peak_MB\": {:.4g}}}\n",
+        "{:.6g}, \"all_remesh_s\": {:.6g}, \"peak_MB\": {:.4g}, \"wall_compute_s\": {:.6g}, \"wall_halo_s\": "
+        "{:.6g}, \"wall_remesh_s\": {:.6g}, \"wall_imbalance_s\": {:.6g}, \"wall_wait_s\": {:.6g}}}\n",
         ranks.size(), fluid.nodes().size(), steps, fluid.remeshes() - remeshes_before, per_step(seconds[0]),
         per_step(seconds[1]), per_step(seconds[2]), per_step(seconds[3]), per_step(wall), per_step(messages),
-        per_step(bytes), per_step(waits), imbalance, per_step(all[0]), per_step(all[1]), peak);
+        per_step(bytes), per_step(waits), imbalance, per_step(all[0]), per_step(all[1]), peak,
+        per_step(part.compute), per_step(part.halo), per_step(part.remesh), per_step(part.imbalance),
+        per_step(part.wait));
 }
 
 } // namespace

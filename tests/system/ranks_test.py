@@ -6,6 +6,7 @@ Example: tests/system/ranks_test.py --build build/release Same.test_a_dam_break
 
 Truth: the run on one rank. Histories, indices, every data set of every frame and of every checkpoint must be the same bytes.
 """
+import json
 import os
 import shutil
 import signal
@@ -49,17 +50,33 @@ def checkpoints(out):
     return found
 
 
-def steps_of(out):
-    import json
-    summary = json.loads((out / ("fluid.json" if (out / "fluid.json").is_file() else "solid.json")).read_text())
-    summary = summary.get("fluid", summary)
-    return summary.get("steps", summary.get("fluid.steps")), summary.get("remeshes", summary.get("fluid.remeshes"))
+def part_of(out, program):
+    """What a program said of its run; nothing if it did not run."""
+    path = out / f"{program}.json"
+    part = json.loads(path.read_text()) if path.is_file() else {}
+    return part.get(program, part)
 
 
 class RanksTest(programs.SystemTest):
     def complete(self, line):
         ended = programs.run(line, LIMIT)
         self.assertEqual(ended.code, 0, ended.text)
+
+    def check_time_split(self, out):
+        """Every rank says where its time went: the parts of the fluid's are its time on the wall (which ends microseconds before)."""
+        for program, parts in (("fluid", {"compute", "halo", "remesh", "imbalance", "wait"}), ("solid", {"compute", "halo", "imbalance", "wait"})):
+            said = part_of(out, program)
+            if said.get("ranks", 1) == 1:
+                self.assertNotIn("rank_time_s", said)
+                continue
+            times = said["rank_time_s"]
+            self.assertLessEqual(set(times), parts)
+            self.assertLessEqual({"compute", "wait"}, set(times))
+            for seconds in times.values():
+                self.assertEqual(len(seconds), said["ranks"])
+                self.assertGreaterEqual(min(seconds), 0.0)
+            if program == "fluid":
+                self.assertAlmostEqual(sum(seconds[0] for seconds in times.values()), said["wall_s"], delta=0.01 * MARGIN)
 
     def same(self, name, ranks, t_end, *settings, solid=lambda n: 1, case=None):
         """Run the case on each number of ranks, and from a checkpoint of the last one on one rank. solid: its ranks beside n of the fluid"""
@@ -75,7 +92,10 @@ class RanksTest(programs.SystemTest):
             found = {**contents(out), **checkpoints(out)}
             self.assertEqual(sorted(found), sorted(truth))
             self.assertEqual([k for k in truth if truth[k] != found[k]], [], f"{n} ranks: not the same bytes")
-        steps, remeshes = steps_of(first)
+            self.check_time_split(out)
+        self.check_time_split(first)
+        said = part_of(first, "fluid") or part_of(first, "solid")
+        steps, remeshes = said["steps"], said.get("remeshes")
         print(f"    {name}: 1 and {ranks} ranks, {steps} steps, {remeshes} remeshes, {sum(map(len, truth.values()))} bytes are the same",
               file=sys.stderr)
         # Written by several ranks, continued by one, and the other way round.

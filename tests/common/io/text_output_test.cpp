@@ -92,6 +92,7 @@ TEST_CASE("a summary nests dotted keys and stays valid JSON", "[common][unit]")
   summary.set("windows", std::int64_t{1} << 40);
   summary.set("fluid.last.text", std::string("a \"quoted\" \\ line\nand \x01 ρ₀"));
   summary.set("pass", true);
+  summary.set("fluid.list", std::vector{0.25, std::numeric_limits<double>::infinity()});
   summary.set("status", "completed");
   CHECK(summary.json() == R"({
   "status": "completed",
@@ -101,7 +102,8 @@ TEST_CASE("a summary nests dotted keys and stays valid JSON", "[common][unit]")
     "wall_s": 1.5e-07,
     "last": {
       "text": "a \"quoted\" \\ line\nand \u0001 ρ₀"
-    }
+    },
+    "list": [0.25, null]
   },
   "conservation": {
     "mass_drift": null
