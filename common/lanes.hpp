@@ -104,9 +104,27 @@ inline bool any(const Lanes::Mask& condition)
 /// condition ? yes : no, for numbers that may be Lanes.
 inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
 
-inline Lanes max(const Lanes& a, const Lanes& b) { return select(a > b, a, b); }
-inline Lanes min(const Lanes& a, const Lanes& b) { return select(a < b, a, b); }
-inline Lanes abs(const Lanes& a) { return max(a, -a); }
+/// The second where one is not a number.
+inline Lanes max(const Lanes& a, const Lanes& b)
+{
+#if defined(__AVX512F__) // GCC sees one instruction in this and not in the comparison
+  return Lanes::Numbers(_mm512_max_pd(__m512d(a.numbers()), __m512d(b.numbers())));
+#else
+  return select(a > b, a, b);
+#endif
+}
+inline Lanes min(const Lanes& a, const Lanes& b)
+{
+#if defined(__AVX512F__)
+  return Lanes::Numbers(_mm512_min_pd(__m512d(a.numbers()), __m512d(b.numbers())));
+#else
+  return select(a < b, a, b);
+#endif
+}
+inline Lanes abs(const Lanes& a)
+{
+  return reinterpret_cast<Lanes::Numbers>(reinterpret_cast<Lanes::Mask>(a.numbers()) & INT64_MAX);
+}
 
 /// `count` ≤ 8 numbers from memory; lanes beyond them repeat the first.
 inline Lanes load_lanes(const double* from, int count)
@@ -166,36 +184,28 @@ inline void load_pairs(const double* const (&from)[Lanes::size], Lanes& a, Lanes
 /// Four numbers that are loaded, added, stored together.
 typedef double FourNumbers __attribute__((vector_size(4 * sizeof(double))));
 
-/// Eight rows of four numbers become columns: lane e of column[k] is row[e][k], k < 4. Rows are aligned to 32
-/// bytes.
-inline void load_columns(const double* const (&row)[Lanes::size], Lanes* column)
-{
-  using Eight = Lanes::Numbers;
-  const auto rows = [&row](int e, int f) -> Eight
-  {
-    const auto &first = *reinterpret_cast<const FourNumbers*>(row[e]),
-               &second = *reinterpret_cast<const FourNumbers*>(row[f]);
-#if defined(__AVX512F__) // the second straight from memory: GCC would load it and shuffle
-    return Eight(_mm512_insertf64x4(_mm512_castpd256_pd512(__m256d(first)), __m256d(second), 1));
-#else
-    return __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7);
-#endif
-  };
-  const Eight a = rows(0, 2), b = rows(1, 3), c = rows(4, 6), d = rows(5, 7);
-  const Eight ab = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14),
-              cd = __builtin_shufflevector(c, d, 0, 8, 2, 10, 4, 12, 6, 14),
-              AB = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15),
-              CD = __builtin_shufflevector(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
-  column[0] = __builtin_shufflevector(ab, cd, 0, 1, 4, 5, 8, 9, 12, 13);
-  column[1] = __builtin_shufflevector(AB, CD, 0, 1, 4, 5, 8, 9, 12, 13);
-  column[2] = __builtin_shufflevector(ab, cd, 2, 3, 6, 7, 10, 11, 14, 15);
-  column[3] = __builtin_shufflevector(AB, CD, 2, 3, 6, 7, 10, 11, 14, 15);
-}
-
-/// Eight rows of four numbers, two and two.
+/// Eight rows of four numbers, two and two: in registers, where rows and columns turn into each other.
 class EightRows
 {
 public:
+  /// Rows in memory, aligned to 32 bytes.
+  explicit EightRows(const double* const (&row)[Lanes::size])
+  {
+    const auto join = [&row](int e, int f) -> Lanes
+    {
+      const auto &first = *reinterpret_cast<const FourNumbers*>(row[e]),
+                 &second = *reinterpret_cast<const FourNumbers*>(row[f]);
+#if defined(__AVX512F__) // the second straight from memory: GCC would load it and shuffle
+      return Lanes::Numbers(_mm512_insertf64x4(_mm512_castpd256_pd512(__m256d(first)), __m256d(second), 1));
+#else
+      return Lanes::Numbers(__builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7));
+#endif
+    };
+    two_[0] = join(0, 2);
+    two_[1] = join(1, 3);
+    two_[2] = join(4, 6);
+    two_[3] = join(5, 7);
+  }
   /// Row e is lane e of the four columns.
   explicit EightRows(const Lanes (&column)[4])
   {
@@ -206,27 +216,67 @@ public:
                 AB = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15),
                 cd = __builtin_shufflevector(c, d, 0, 8, 2, 10, 4, 12, 6, 14),
                 CD = __builtin_shufflevector(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
-    two_[0] = __builtin_shufflevector(ab, cd, 0, 1, 8, 9, 2, 3, 10, 11);
-    two_[1] = __builtin_shufflevector(AB, CD, 0, 1, 8, 9, 2, 3, 10, 11);
-    two_[2] = __builtin_shufflevector(ab, cd, 4, 5, 12, 13, 6, 7, 14, 15);
-    two_[3] = __builtin_shufflevector(AB, CD, 4, 5, 12, 13, 6, 7, 14, 15);
+    two_[0] = Eight(__builtin_shufflevector(ab, cd, 0, 1, 8, 9, 2, 3, 10, 11));
+    two_[1] = Eight(__builtin_shufflevector(AB, CD, 0, 1, 8, 9, 2, 3, 10, 11));
+    two_[2] = Eight(__builtin_shufflevector(ab, cd, 4, 5, 12, 13, 6, 7, 14, 15));
+    two_[3] = Eight(__builtin_shufflevector(AB, CD, 4, 5, 12, 13, 6, 7, 14, 15));
+  }
+  /// Every row, number by number, becomes f(row, other row).
+  template <class F>
+  void combine(const EightRows& other, F&& f)
+  {
+    for (std::size_t k = 0; k < 4; ++k)
+      two_[k] = f(two_[k], other.two_[k]);
   }
   EightRows& operator+=(const EightRows& other)
   {
-    for (std::size_t k = 0; k < 4; ++k)
-      two_[k] += other.two_[k];
+    combine(other, [](const Lanes& a, const Lanes& b) { return a + b; });
     return *this;
   }
-  FourNumbers operator[](std::size_t e) const
+  EightRows& operator-=(const EightRows& other)
   {
-    FourNumbers row;
-    __builtin_memcpy(&row, reinterpret_cast<const double*>(&two_[e / 4 * 2 + e % 2]) + e / 2 % 2 * 4,
-                     sizeof row);
-    return row;
+    combine(other, [](const Lanes& a, const Lanes& b) { return a - b; });
+    return *this;
+  }
+
+  /// Row e, without a way through memory.
+  template <std::size_t e>
+  FourNumbers row() const
+  {
+    const Lanes::Numbers& two = two_[e / 4 * 2 + e % 2].numbers();
+    if constexpr (e / 2 % 2 == 0)
+      return __builtin_shufflevector(two, two, 0, 1, 2, 3);
+    else
+      return __builtin_shufflevector(two, two, 4, 5, 6, 7);
+  }
+  /// Lane e of column[k] is number k of row e.
+  void columns(Lanes* column) const
+  {
+    using Eight = Lanes::Numbers;
+    const Eight &a = two_[0].numbers(), &b = two_[1].numbers(), &c = two_[2].numbers(),
+                &d = two_[3].numbers();
+    const Eight ab = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14),
+                cd = __builtin_shufflevector(c, d, 0, 8, 2, 10, 4, 12, 6, 14),
+                AB = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15),
+                CD = __builtin_shufflevector(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
+    column[0] = Eight(__builtin_shufflevector(ab, cd, 0, 1, 4, 5, 8, 9, 12, 13));
+    column[1] = Eight(__builtin_shufflevector(AB, CD, 0, 1, 4, 5, 8, 9, 12, 13));
+    column[2] = Eight(__builtin_shufflevector(ab, cd, 2, 3, 6, 7, 10, 11, 14, 15));
+    column[3] = Eight(__builtin_shufflevector(AB, CD, 2, 3, 6, 7, 10, 11, 14, 15));
+  }
+  /// The first of the columns.
+  Lanes first_column() const
+  {
+    using Eight = Lanes::Numbers;
+    const Eight lower =
+                    __builtin_shufflevector(two_[0].numbers(), two_[1].numbers(), 0, 8, 4, 12, 0, 8, 4, 12),
+                upper =
+                    __builtin_shufflevector(two_[2].numbers(), two_[3].numbers(), 0, 8, 4, 12, 0, 8, 4, 12);
+    return Eight(__builtin_shufflevector(lower, upper, 0, 1, 2, 3, 12, 13, 14, 15));
   }
 
 private:
-  Lanes::Numbers two_[4]; ///< rows 0, 2; 1, 3; 4, 6; 5, 7
+  Lanes two_[4]; ///< rows 0, 2; 1, 3; 4, 6; 5, 7
 };
 
 /// ln(1 + x), x > −1, relative error below 2e-16 · 2 (the polynomial is that of fdlibm's e_log.c). NaN for x

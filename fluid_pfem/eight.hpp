@@ -37,6 +37,16 @@ private:
   std::array<Simplex<dim>, Lanes::size> copy_;
 };
 
+/// The same elements, of which the compiler knows nothing: it loads their numbers once more where they are
+/// used next, instead of keeping them on the stack for branches that are seldom taken.
+template <int dim>
+const Simplex<dim>* once_more(const EightElements<dim>& elements)
+{
+  const Simplex<dim>* at = &elements[0];
+  asm("" : "+r"(at));
+  return at;
+}
+
 /// Where one corner of each of the eight is.
 template <int dim>
 void load_points(const Vec<dim>* x, const EightElements<dim>& element, std::size_t corner,

@@ -19,12 +19,16 @@ using std::abs;
 using std::max;
 using std::sqrt;
 
-/// The corners of one element, or of eight.
+/// What the formulas need of an element, or of eight.
 template <int dim, class Real>
-struct Corners
+struct Element
 {
-  std::array<Vec<dim, Real>, dim + 1> x, v, a;
-  std::array<Real, dim + 1> p, rho;
+  std::array<Vec<dim, Real>, dim> S;  ///< V_e∇N of its corners but the first
+  std::array<Vec<dim, Real>, dim> dv; ///< velocities of the same, less that of the first
+  Vec<dim, Real> edge;                ///< from the first corner to the second
+  std::array<Real, dim + 1> p;
+  Real rho; ///< sum over its corners, as the next
+  Vec<dim, Real> a;
 };
 
 /// What an element adds to its corners but the first, which gets minus their sum: nothing is created.
@@ -43,14 +47,13 @@ struct Constants
 
 /// The formulas of add_element_forces. `least_mass()` is called only where the limit of z may be reached.
 template <bool stabilised, bool shear, int dim, class Real, class LeastMass>
-Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k, const Vec<dim, Real>& b,
+Added<dim, Real> element_forces(const Element<dim, Real>& e, const Constants& k, const Vec<dim, Real>& b,
                                 LeastMass&& least_mass)
 {
   constexpr double weight = 1.0 / (dim + 1);
   Added<dim, Real> add{};
   // S_0 = −Σ S_c: sums over corners of S_c times anything take differences to the first.
-  const auto S_all = volume_gradients<dim, Real>(e.x);
-  const auto S = [&S_all](std::size_t c) -> const Vec<dim, Real>& { return S_all[c + 1]; };
+  const auto S = [&e](std::size_t c) -> const Vec<dim, Real>& { return e.S[c]; };
   Real P = e.p[0];
   for (std::size_t c = 1; c <= dim; ++c)
     P += e.p[c];
@@ -66,18 +69,15 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
       S_squared += norm_squared(S(c));
     }
     S_squared = max(S_squared + norm_squared(minus_S0), Real(1e-100));
-    V = dot(minus_S0, e.x[1] - e.x[0]);
+    V = dot(minus_S0, e.edge);
   }
   if constexpr (stabilised)
   {
-    Real D = dot(S(0), e.v[1] - e.v[0]);
+    Real D = dot(S(0), e.dv[0]);
     for (std::size_t c = 1; c < dim; ++c)
-      D += dot(S(c), e.v[c + 1] - e.v[0]);
+      D += dot(S(c), e.dv[c]);
     per_S = inverse_sqrt(S_squared);
-    rho = e.rho[0];
-    for (std::size_t c = 1; c <= dim; ++c)
-      rho += e.rho[c];
-    rho *= weight;
+    rho = e.rho * weight;
     const Real r = D * per_S, compression = max(Real(0.0) - r, Real(0.0));
     const Real minus_q = rho * (Real(k.b1_c0) + Real(k.b2_squared) * compression) * r;
     P -= minus_q;
@@ -92,7 +92,7 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
     const Real inverse_V = select(V > flat, Real(1.0) / max(V, Real(1e-300)), Real(0.0));
     Mat<dim, Real> grad_v{};
     for (std::size_t c = 0; c < dim; ++c)
-      grad_v += outer(e.v[c + 1] - e.v[0], S(c));
+      grad_v += outer(e.dv[c], S(c));
     grad_v *= inverse_V;
     const Mat<dim, Real> tau =
         deviatoric_stress<dim, Real>(grad_v, k.mu) * viscous_fraction<dim, Real>(V, S_squared);
@@ -102,14 +102,10 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
   }
   if constexpr (stabilised)
   {
-    Vec<dim, Real> z = (e.p[1] - e.p[0]) * S(0), a_bar = e.a[0] + e.a[1];
+    Vec<dim, Real> z = (e.p[1] - e.p[0]) * S(0);
     for (std::size_t c = 1; c < dim; ++c)
-    {
       z += (e.p[c + 1] - e.p[0]) * S(c);
-      a_bar += e.a[c + 1];
-    }
-    a_bar *= Real(weight);
-    z -= (V * rho) * (b - a_bar);
+    z -= (V * rho) * (b - Real(weight) * e.a);
     z *= Real(k.alpha) * per_S;
     Real first{}, largest{};
     for (std::size_t c = 0; c < dim; ++c)
@@ -143,6 +139,96 @@ Added<dim, Real> element_forces(const Corners<dim, Real>& e, const Constants& k,
 #define UNDINE_FLATTEN [[gnu::flatten]]
 #endif
 
+/// Eight elements out of the records of their corners; without stabilisers without ρ and a.
+template <bool stabilised, int dim>
+Element<dim, Lanes> gather(const NodeRecord<dim>* record, const Simplex<dim>* element,
+                           const Period<dim>& period)
+{
+  Element<dim, Lanes> e;
+  using Record = NodeRecord<dim>;
+  const auto rows = [=](std::size_t corner, int part)
+  {
+    const double* row[Lanes::size];
+    for (std::size_t l = 0; l < Lanes::size; ++l)
+      row[l] = record[element[l][corner]].c.data() + part;
+    return EightRows(row);
+  };
+  if constexpr (dim == 2)
+  {
+    // Differences and sums of rows: fewer of them are turned into columns.
+    static_assert(Record::x == 0 && Record::v == 2 && Record::p == 4 && Record::rho == 5 && Record::a == 6);
+    const EightRows first = rows(0, Record::x);
+    std::array<Vec<2, Lanes>, 2> dx;
+    for (std::size_t c = 0; c < 2; ++c)
+    {
+      EightRows other = rows(c + 1, Record::x);
+      if (period.any())
+      {
+        const auto& l = period.length();
+        const Lanes length(Lanes::Numbers{l[0], l[1], 0.0, 0.0, l[0], l[1], 0.0, 0.0});
+        other.combine(first, [&](const Lanes& q, const Lanes& p) { return Period<2>::image(p, q, length); });
+      }
+      other -= first;
+      Lanes column[4];
+      other.columns(column);
+      dx[c] = {{column[0], column[1]}};
+      e.dv[c] = {{column[2], column[3]}};
+    }
+    e.S = {{{{Lanes(0.5) * dx[1][1], Lanes(-0.5) * dx[1][0]}},
+            {{Lanes(-0.5) * dx[0][1], Lanes(0.5) * dx[0][0]}}}};
+    e.edge = dx[0];
+    EightRows sum = rows(0, Record::p);
+    e.p[0] = sum.first_column();
+    for (std::size_t c = 1; c <= 2; ++c)
+    {
+      const EightRows other = rows(c, Record::p);
+      e.p[c] = other.first_column();
+      sum += other;
+    }
+    if constexpr (stabilised)
+    {
+      Lanes column[4];
+      sum.columns(column);
+      e.rho = column[1];
+      e.a = {{column[2], column[3]}};
+    }
+  }
+  else
+  {
+    std::array<Vec<dim, Lanes>, dim + 1> x, v, a;
+    std::array<Lanes, dim + 1> rho;
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c <= dim; ++c)
+    {
+      Lanes column[Record::size];
+#pragma GCC unroll 4
+      for (int part = 0; part < (stabilised ? Record::size : Record::a); part += 4)
+        rows(c, part).columns(column + part);
+      for (int i = 0; i < dim; ++i)
+      {
+        x[c][i] = column[Record::x + i];
+        v[c][i] = column[Record::v + i];
+        a[c][i] = column[Record::a + i];
+      }
+      e.p[c] = column[Record::p];
+      rho[c] = column[Record::rho];
+    }
+    period.join(x);
+    const auto S = volume_gradients<dim, Lanes>(x);
+    e.edge = x[1] - x[0];
+    e.rho = rho[0];
+    e.a = a[0];
+    for (std::size_t c = 1; c <= dim; ++c)
+    {
+      e.S[c - 1] = S[c];
+      e.dv[c - 1] = v[c] - v[0];
+      e.rho += rho[c];
+      e.a += a[c];
+    }
+  }
+  return e;
+}
+
 template <bool stabilised, bool shear, int dim>
 UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
                                    const Constants& k, const Vec<dim>& body, const index_t* list,
@@ -162,38 +248,16 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
   {
     const int count = std::min<index_t>(L, end - first);
     const EightElements<dim> element(mesh.elements, list, first, end);
-    Corners<dim, Lanes> e;
-#pragma GCC unroll 4
-    for (std::size_t c = 0; c <= dim; ++c)
-    {
-      Lanes column[Record::size];
-#pragma GCC unroll 4
-      for (int part = 0; part < (stabilised ? Record::size : Record::a); part += 4)
-      {
-        const double* row[L];
-        for (std::size_t l = 0; l < L; ++l)
-          row[l] = record[element[l][c]].c.data() + part;
-        load_columns(row, column + part);
-      }
-      for (int i = 0; i < dim; ++i)
-      {
-        e.x[c][i] = column[Record::x + i];
-        e.v[c][i] = column[Record::v + i];
-        if constexpr (stabilised)
-          e.a[c][i] = column[Record::a + i];
-      }
-      e.p[c] = column[Record::p];
-      e.rho[c] = column[Record::rho];
-    }
-    nodes.period.join(e.x);
+    const auto e = gather<stabilised, dim>(record, &element[0], nodes.period);
     const auto least_mass = [&]
     {
       Lanes least;
+      const Simplex<dim>* const again = once_more(element);
       for (std::size_t l = 0; l < L; ++l)
       {
-        double m = nodes.m[static_cast<std::size_t>(element[l][0])];
+        double m = nodes.m[static_cast<std::size_t>(again[l][0])];
         for (std::size_t c = 1; c <= dim; ++c)
-          m = std::min(m, nodes.m[static_cast<std::size_t>(element[l][c])]);
+          m = std::min(m, nodes.m[static_cast<std::size_t>(again[l][c])]);
         least.set(static_cast<int>(l), m);
       }
       return least;
@@ -216,26 +280,27 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
     EightRows first_row = rows[0];
     for (std::size_t c = 1; c < dim; ++c)
       first_row += rows[c];
-    if (count == L && all_mine)
+    const auto each_row = [&]<std::size_t... l>(std::index_sequence<l...>, auto&& add_row)
     {
-#pragma GCC unroll 8
-      for (std::size_t l = 0; l < L; ++l)
+      const auto add_element = [&]<std::size_t e>()
       {
-        sum[element[l][0]] -= first_row[l];
-#pragma GCC unroll 3
+        add_row(e, 0, -first_row.template row<e>());
         for (std::size_t c = 0; c < dim; ++c)
-          sum[element[l][c + 1]] += rows[c][l];
-      }
-    }
+          add_row(e, c + 1, rows[c].template row<e>());
+      };
+      (add_element.template operator()<l>(), ...);
+    };
+    constexpr std::make_index_sequence<L> all{};
+    const Simplex<dim>* const again = once_more(element);
+    if (count == L && all_mine)
+      each_row(all, [&](std::size_t l, std::size_t c, const FourNumbers& row) { sum[again[l][c]] += row; });
     else
-      for (std::size_t l = 0; l < static_cast<std::size_t>(count); ++l)
-      {
-        if (share.owns(element[l][0]))
-          sum[element[l][0]] -= first_row[l];
-        for (std::size_t c = 0; c < dim; ++c)
-          if (share.owns(element[l][c + 1]))
-            sum[element[l][c + 1]] += rows[c][l];
-      }
+      each_row(all,
+               [&](std::size_t l, std::size_t c, const FourNumbers& row)
+               {
+                 if (l < static_cast<std::size_t>(count) && share.owns(again[l][c]))
+                   sum[again[l][c]] += row;
+               });
     if (count == L)
       dissipation += add.dissipation;
     else

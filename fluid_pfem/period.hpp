@@ -40,13 +40,16 @@ public:
   Vec<dim, Real> near(const Vec<dim, Real>& p, Vec<dim, Real> q) const
   {
     for (int i = 0; i < dim && any_; ++i)
-    {
-      const Real d = q[i] - p[i], half(0.5 * length_[i]);
       if (length_[i] > 0.0)
-        q[i] += select(d < Real(0.0) - half, Real(length_[i]), Real(0.0)) -
-                select(d > half, Real(length_[i]), Real(0.0));
-    }
+        q[i] = image(p[i], q[i], Real(length_[i]));
     return q;
+  }
+  /// Of a coordinate q along an axis along which the cell has this length, the image next to p.
+  template <class Real>
+  static Real image(const Real& p, const Real& q, const Real& length)
+  {
+    const Real d = q - p, half = Real(0.5) * length;
+    return q + (select(d < Real(0.0) - half, length, Real(0.0)) - select(d > half, length, Real(0.0)));
   }
   /// The images of all points next to the first.
   template <class Points>

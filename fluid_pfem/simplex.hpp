@@ -16,7 +16,7 @@ template <int dim, class Real>
 Vec<dim, Real> volume_gradient(const std::array<Vec<dim, Real>, dim>& opposite)
 {
   if constexpr (dim == 2)
-    return Real(0.5) * right_normal(opposite[0] - opposite[1]);
+    return Real(0.5) * Vec<2, Real>{{opposite[0][1] - opposite[1][1], opposite[1][0] - opposite[0][0]}};
   else
     return Real(-1.0 / 6.0) * cross(opposite[1] - opposite[0], opposite[2] - opposite[0]);
 }

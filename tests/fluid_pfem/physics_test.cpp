@@ -9,8 +9,10 @@
 
 #include <catch2/catch.hpp>
 
+#include <array>
 #include <cmath>
 #include <random>
+#include <utility>
 
 using namespace undine;
 using namespace undine::fluid;
@@ -57,9 +59,12 @@ TEST_CASE("rows become columns and rows again, and an inverse root is one", "[fl
     pairs[e][1] = -static_cast<double>(e);
   }
   Lanes column[4], first, second;
-  load_columns(row, column);
+  EightRows(row).columns(column);
   load_pairs(pair, first, second);
   EightRows rows(column);
+  std::array<FourNumbers, Lanes::size> again;
+  const auto take = [&]<std::size_t... e>(std::index_sequence<e...>) { ((again[e] = rows.row<e>()), ...); };
+  take(std::make_index_sequence<Lanes::size>{});
   for (std::size_t e = 0; e < Lanes::size; ++e)
   {
     const int l = static_cast<int>(e);
@@ -68,11 +73,14 @@ TEST_CASE("rows become columns and rows again, and an inverse root is one", "[fl
     for (std::size_t k = 0; k < 4; ++k)
     {
       CHECK(column[k][l] == numbers[e][k]);
-      CHECK(rows[e][k] == numbers[e][k]);
+      CHECK(again[e][k] == numbers[e][k]);
     }
+    CHECK(rows.first_column()[l] == numbers[e][0]);
   }
   rows += EightRows(column);
-  CHECK(rows[5][3] == 2.0 * numbers[5][3]);
+  CHECK(rows.row<5>()[3] == 2.0 * numbers[5][3]);
+  rows -= EightRows(row);
+  CHECK(rows.row<6>()[1] == numbers[6][1]);
   for (const double a : {1e-100, 3e-9, 0.7, 1.0, 1234.5, 9e99})
     CHECK(inverse_sqrt(Lanes(a))[0] == Approx(1.0 / std::sqrt(a)).epsilon(1e-15));
 }
