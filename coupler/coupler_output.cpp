@@ -36,8 +36,8 @@ CouplerOutput::CouplerOutput(const OutputConfig& output, const CouplerConfig& co
     : output_(output), config_(config),
       energy_(output.dir, "energy",
               "energies of fluid and solid; total = kinetic + internal + dissipated - external_work, changed "
-              "by the interface and by "
-              "remeshing only; works cumulated",
+              "by the interface, by remeshing and by what moves mass between nodes only (fluid_energy tells "
+              "how much); works cumulated",
               {"fluid_kinetic[J]", "fluid_internal[J]", "fluid_external_work[J]", "fluid_dissipated[J]",
                "solid_kinetic[J]", "solid_internal[J]", "solid_external_work[J]", "solid_dissipated[J]",
                "work_on_fluid[J]", "work_on_solid[J]", "total[J]"}),

@@ -47,7 +47,8 @@ link::Report report_of(const Fluid<dim>& fluid, double stable_dt, const Balance&
   report.stable_dt = stable_dt;
   report.kinetic_energy = balance.energy.kinetic;
   report.internal_energy = balance.energy.internal;
-  report.external_work = initial_potential - balance.energy.potential;
+  report.external_work = initial_potential - balance.energy.potential + balance.energy.wall_work +
+                         balance.energy.openings; // of weight, moving walls, what flows and waves that leave
   report.dissipated_energy = balance.energy.dissipated;
   report.interface_work = fluid.interface_work();
   report.mass = balance.mass;
