@@ -763,6 +763,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("travelled", travelled_);
   archive("good_for", good_for_);
   archive("slow_axis", slow_axis_);
+  if constexpr (dim == 3)
+    archive("boxes", boxes_);
   archive("next_id", next_id_);
   archive("t", t_);
   archive("dt_before", dt_before_);

@@ -10,6 +10,7 @@
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/momentum.hpp"
+#include "fluid_pfem/remesh/bisection.hpp"
 #include "fluid_pfem/remesh/local_delaunay.hpp"
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 #include "fluid_pfem/remesh/rigid_motion.hpp"
@@ -261,6 +262,7 @@ private:
   void choose_slow_axis();
   bool rows_are_due() const { return ledger_.remeshes % 25 == 0; } ///< all are made anew in this remesh
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
+  std::int64_t row_of(const Vec<dim>& x) const;
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
   void flag_nodes();
   std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements, std::span<const char> mine);
@@ -355,6 +357,7 @@ private:
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
   double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
   int slow_axis_ = dim - 1;             ///< along which nodes are numbered last
+  Bisection<dim> boxes_;                ///< in space, of the nodes when all rows were renewed last
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh

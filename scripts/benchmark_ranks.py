@@ -42,10 +42,10 @@ def measure(ranks, resolution, steps, dim):
 
 
 def pairs(count, resolution, steps, dim):
-    """Medians of alternating runs: {1: acts, 2: acts}, with seconds per remesh and the efficiency of each pair."""
-    rows = {1: [], 2: []}
+    """Medians of alternating runs: {ranks: acts}, with seconds per remesh and of all ranks together."""
+    rows = {1: [], 2: [], 8: []}
     for _ in range(count):
-        for ranks in (1, 2):
+        for ranks in rows:
             row = measure(ranks, resolution, steps, dim)
             row["per_remesh_s"] = row["remesh_s"] * steps / max(1, row["remeshes"])
             row["remesh_of_all_s"] = row["all_remesh_s"] * steps / max(1, row["remeshes"])
@@ -53,33 +53,46 @@ def pairs(count, resolution, steps, dim):
     return {r: {k: statistics.median(row[k] for row in rows[r]) for k in rows[r][0]} for r in rows}
 
 
-def model(one, two, n, dim, ranks):
-    """(share, halo, reductions, remesh) seconds per step at n nodes on so many ranks."""
+def cut_planes(ranks, dim):
+    """Cuts of a cube's whole section, and ranks that a rank has beside it: strips in the plane, bisection in space."""
+    if dim == 2:
+        return ranks - 1, min(ranks - 1, 2)
+    parts = [2 ** ((round(math.log2(ranks)) + i) // 3) for i in range(3)]
+    return sum(p - 1 for p in parts), math.prod(min(p, 3) for p in parts) - 1
+
+
+def model(rows, n, dim, ranks):
+    """(share, halo, reductions, remesh) seconds per step at n nodes on so many ranks; means over the ranks."""
+    one, two, eight = (rows[r] for r in (1, 2, 8))
     measured = one["nodes"]
     layer = n ** ((dim - 1) / dim) / measured ** ((dim - 1) / dim)  # nodes of a cut, over those that were measured
-    work = (one["step_s"] + one["bound_s"]) / measured
-    beside = max(0.0, 2 * (two["step_s"] + two["bound_s"]) - (one["step_s"] + one["bound_s"]))  # of one cut, both sides
-    cuts = 0 if ranks == 1 else 1 if ranks == 2 else 2
-    halo = cuts * (2 * LATENCY + two["bytes"] * layer / BANDWIDTH)
+    planes, beside = cut_planes(ranks, dim)
+    work = one["all_steps_s"] / measured
+    twice = max(0.0, two["all_steps_s"] - one["all_steps_s"]) * planes * layer  # computed beside cuts
+    halo = beside * 2 * LATENCY + two["bytes"] * layer * 2 * planes / ranks / BANDWIDTH
     reductions = (1 / 4 + 1 / 8) * 2 * math.ceil(math.log2(ranks)) * LATENCY if ranks > 1 else 0.0
     gather = n * GATHERED[dim] / BANDWIDTH if ranks > 1 else 0.0
-    shared = 2 * max(0.0, one["per_remesh_s"] - two["per_remesh_s"])  # of a remesh: what ranks share; all make the rest
-    remesh = shared / ranks + max(0.0, one["per_remesh_s"] - shared)
-    return (work * n / ranks + cuts * 0.5 * beside * layer, halo, reductions, (remesh * n / measured + gather) / STEPS_PER_REMESH)
+    # A remesh of r ranks takes one's work, what is made beside each cut, and what all make for all nodes: two and eight ranks tell both.
+    more = [r["remesh_of_all_s"] - one["remesh_of_all_s"] for r in (two, eight)]
+    cuts = [cut_planes(r, dim)[0] for r in (2, 8)]
+    by_all = min(max(0.0, (cuts[0] * more[1] - cuts[1] * more[0]) / (cuts[0] * 8 - cuts[1] * 2)), more[1] / 8)  # seconds of a rank
+    by_cut = max(0.0, (more[1] - 8 * by_all) / cuts[1])
+    by_all *= n / measured if ranks > 1 else 0.0
+    remesh = (one["remesh_of_all_s"] * n / measured + by_cut * planes * layer) / ranks + by_all
+    return (work * n + twice) / ranks, halo, reductions, (remesh + gather) / STEPS_PER_REMESH
 
 
-def table(one, two, n, dim):
-    lines = ["| ranks | layers of nodes each | step [ms] | of it halo | reductions | remesh | efficiency of the step alone | of all |",
+def table(rows, n, dim):
+    lines = ["| ranks | nodes each | step [ms] | of it halo | reductions | remesh | efficiency of the step alone | of all |",
              "| --- | --- | --- | --- | --- | --- | --- | --- |"]
-    first = model(one, two, n, dim, 1)
+    first = model(rows, n, dim, 1)
     for ranks in (1, 2, 4, 8, 16, 64, 256, 1024, 4096):
-        layers = n ** (1 / dim) / ranks
-        if layers < 2.0:
-            lines.append(f"| {ranks} | {layers:.1f} | - | | | | not possible: less than the two layers of a row | |")
+        if dim == 2 and math.sqrt(n) / ranks < 2.0:
+            lines.append(f"| {ranks} | {n / ranks:.3g} | - | | | | not possible: less than the two layers of a row | |")
             break
-        work, halo, reductions, remesh = model(one, two, n, dim, ranks)
+        work, halo, reductions, remesh = model(rows, n, dim, ranks)
         whole = work + halo + reductions + remesh
-        lines.append(f"| {ranks} | {layers:.0f} | {1e3 * whole:.3g} | {100 * halo / whole:.2g} % | {100 * reductions / whole:.2g} % | "
+        lines.append(f"| {ranks} | {n / ranks:.3g} | {1e3 * whole:.3g} | {100 * halo / whole:.2g} % | {100 * reductions / whole:.2g} % | "
                      f"{100 * remesh / whole:.0f} % | {first[0] / ranks / (work + halo + reductions):.2f} | {sum(first) / ranks / whole:.2f} |")
     return lines
 
@@ -148,8 +161,27 @@ def metis(n, edges, ranks):
     return part
 
 
+def bisection(place):
+    """Numbers of the boxes of points, as fluid_pfem/remesh/bisection.cpp makes them."""
+    number, levels = np.zeros(len(place), int), 0
+    while len(place) >> levels > 16:
+        levels += 1
+
+    def cut(points, level):
+        if level == levels or not len(points):
+            return
+        x = place[points]
+        axis = int(np.argmax(x.max(axis=0) - x.min(axis=0)))
+        second = x[:, axis] >= np.sort(x[:, axis])[len(points) // 2]
+        number[points[second]] += 1 << (levels - 1 - level)
+        cut(points[~second], level + 1)
+        cut(points[second], level + 1)
+    cut(np.arange(len(place)), 0)
+    return number
+
+
 def cuts():
-    """Copies of nodes: ranges of the fluid's order (rows along the longest axis) against METIS, on lattices of simplices."""
+    """Copies of nodes: ranges of the fluid's order (rows along the longest axis, in space boxes) against METIS, on lattices of simplices."""
     lines = ["| lattice | nodes | " + " | ".join(f"{r} ranks" for r in (2, 4, 8, 16, 64)) + " |", "| --- | --- |" + " --- |" * 5]
     for name, size in (("column", (240, 480)), ("tank", (640, 160)), ("cube", (46, 46, 46))):
         dim, n = len(size), int(np.prod(size))
@@ -162,13 +194,13 @@ def cuts():
         edges = np.concatenate(edges)
         slow = int(np.argmax(place.var(axis=0)))
         keys = [place[:, (slow - k) % dim] // 2 for k in range(dim)]
-        order = np.lexsort([np.arange(n), *keys[::-1]])
-        rank = np.empty(n, int)
-        rank[order] = np.arange(n)
+        orders = [np.lexsort([np.arange(n), *keys[::-1]]), np.lexsort([np.arange(n), bisection(place)])]
         found = []
         for ranks in (2, 4, 8, 16, 64):
-            ranges, parts = copies(rank * ranks // n, edges, ranks), copies(metis(n, edges, ranks), edges, ranks)
-            found.append(f"{100 * ranges / n:.3g} %, {100 * parts / n:.3g} %")
+            parts = [np.empty(n, int) for _ in orders]
+            for part, order in zip(parts, orders):
+                part[order] = np.arange(n) * ranks // n
+            found.append(", ".join(f"{100 * copies(part, edges, ranks) / n:.3g}" for part in (*parts, metis(n, edges, ranks))) + " %")
         lines.append(f"| {name} {' x '.join(map(str, size))} | {n} | " + " | ".join(found) + " |")
     return lines
 
@@ -192,7 +224,6 @@ def main():
            f"Load of the machine during the measurement: {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores.", "",
            "| scene | nodes | ranks | step | bound, looks | one remesh | waiting | imbalance | wall | halo: messages, kB per step | efficiency of the step | of all | work: steps | all | memory of a rank [MB] |",
            "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
-    found = {}
     scenes = [(2, math.sqrt(args.nodes / 2), args.steps), (3, (args.nodes / 5) ** (1 / 3), max(21, args.steps // 4))]  # in space a remesh takes long
     if args.large > 0:
         scenes.insert(0, (2, math.sqrt(args.large / 2), max(21, args.steps // 2)))
@@ -213,15 +244,14 @@ def main():
         row = rows[2]
         out.append(f"| {row['nodes']:.0f} | " + " | ".join(f"{1e3 * row[key]:.3g}" for key in ("wall_s", *(f"wall_{part}_s" for part in ("compute", "halo", "remesh", "imbalance", "wait")))) + " |")
     out += ["", "## A model of more ranks", "",
-            f"Work per node and the work beside a cut from the table, two messages per cut and step of the measured size, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and "
-            f"{BANDWIDTH / 1e9:g} GB/s per rank. Balance is taken as perfect. What two ranks take more than half of one counts as work beside the cut, also where they only took caches and memory from each other and from whoever else used the machine: the efficiency of the step is pessimistic. Ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half its layers.", ""]
+            f"Work per node and in a remesh from the table: what two ranks compute more than one is beside their cut, what eight take more in a remesh is beside seven cuts (in space three) and what every rank makes for all nodes. Messages of the measured size, "
+            f"two to each neighbour (two in the plane, up to 26 in space) and step, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Means over the ranks. In the plane ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half "
+            "its layers; in space ranges of the bisection are boxes.", ""]
     for n, dim in ((1e5, 2), (1e6, 2), (1e6, 3)):
-        out += [f"{n:.0e} nodes {'in the plane' if dim == 2 else 'in space'}:", "", *table(found[dim][1], found[dim][2], n, dim), ""]
-    out += ["The part of the remesh that all ranks make is the limit from the first ranks on: Amdahl's law. Halo and reductions are not: overlapping the halo with work could not gain more than its column.", "",
-            "## Ranges of the order, or METIS", "",
-            "Copies of nodes that ranks hold, over all nodes: ranges of the order of the nodes (rows across the longest axis of the fluid), then METIS k-way on the same graph. With the last axis slowest, whatever the shape, "
-            "the tank had 1.2, 3.8, 8.8, 19, 79 %, and a dam break of 1100 to 1300 nodes on the floor 11 to 18 % on two ranks (METIS 2 to 2.4 %); by the longest axis it has 2.5 to 3.1 %. Up to eight ranks ranges are as good in the plane, and they keep "
-            "the order of every sum; METIS would pay from 16 ranks on, in space from four.", "", *cuts(), "", "Made by `scripts/benchmark ranks`.", ""]
+        out += [f"{n:.0e} nodes {'in the plane' if dim == 2 else 'in space'}:", "", *table(found[dim], n, dim), ""]
+    out += ["## The order of the nodes, or METIS", "",
+            "Copies of nodes that ranks hold, in percent of all nodes: ranges of rows across the longest axis of the fluid (the order of the nodes in the plane), ranges of recursive coordinate bisection (their order in space), METIS k-way on the same graph.", "",
+            *cuts(), "", "Made by `scripts/benchmark ranks`.", ""]
     PAGE.write_text("\n".join(out) + ("\n" + SOLID + solid if solid else ""))
     print("\n".join(out))
 

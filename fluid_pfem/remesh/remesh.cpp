@@ -905,9 +905,27 @@ void Fluid<dim>::choose_slow_axis()
       slow_axis_ = i;
 }
 
-/// Wet nodes first, then their neighbours, then the rest; inside each group by rows of two spacings, the
-/// longest axis slowest, then by identifier. Rows are those of a node's birth or of the last time that all
-/// were renewed: neighbours in space should be neighbours in memory, but need not be every time. The order is
+/// In the plane rows of two spacings, the longest axis slowest: short to look up, and up to eight ranks with
+/// cuts as short as any. In space boxes, whose ranges stay compact (docs/benchmarks/scaling.md).
+template <int dim>
+std::int64_t Fluid<dim>::row_of(const Vec<dim>& x) const
+{
+  if constexpr (dim == 3)
+    return boxes_.box_of(x);
+  std::int64_t row = 0;
+  for (int k = 0; k < dim; ++k)
+  {
+    const int i = (slow_axis_ + dim - k) % dim;
+    constexpr double most = 1 << 19; // 20 bits per axis
+    const double place = std::floor(x[i] / (2.0 * config_.element_size));
+    row = (row << 20) + static_cast<std::int64_t>(std::clamp(place, -most, most - 1.0));
+  }
+  return row;
+}
+
+/// Wet nodes first, then their neighbours, then the rest; inside each group by row_of, then by identifier.
+/// Rows are those of a node's birth or of the last time that all were renewed: neighbours in space should be
+/// neighbours in memory, but need not be every time. The order is
 /// one of the nodes, whoever holds them, and with it the order in which elements are summed. Collective.
 /// @param elements of this rank
 /// @returns the new number of each node, empty if numbers stay
@@ -917,7 +935,11 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const bool renew = rows_are_due();
   if (renew)
+  {
     choose_slow_axis();
+    if constexpr (dim == 3)
+      boxes_.build(nodes_.x);
+  }
   const std::vector<char> group = wet_groups(elements);
   index_t sorted = nodes_.size(); // those before it are in order, unless all rows are new or groups may be
   while (sorted > 0 && nodes_.row[static_cast<std::size_t>(sorted - 1)] == no_row)
@@ -925,16 +947,7 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   const bool tail_only = !renew && group.empty();
   for (auto n = static_cast<std::size_t>(tail_only ? sorted : 0); n < n_nodes; ++n)
     if (renew || nodes_.row[n] == no_row)
-    {
-      nodes_.row[n] = 0;
-      for (int k = 0; k < dim; ++k)
-      {
-        const int i = (slow_axis_ + dim - k) % dim;
-        constexpr double most = 1 << 19; // 20 bits per axis
-        const double row = std::floor(nodes_.x[n][i] / (2.0 * config_.element_size));
-        nodes_.row[n] = (nodes_.row[n] << 20) + static_cast<std::int64_t>(std::clamp(row, -most, most - 1.0));
-      }
-    }
+      nodes_.row[n] = row_of(nodes_.x[n]);
 
   const auto before = [&](index_t a, index_t b)
   {
