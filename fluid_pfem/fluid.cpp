@@ -90,11 +90,17 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks, Cut cut)
   if (config.initial_pressure == InitialPressure::hydrostatic)
   {
     const Vec<dim> g = leading<dim>(config.gravity);
-    highest_ = -1e300;
-    for (const auto& x : nodes_.x)
-      highest_ = std::max(highest_, -dot(g, x));
+    // Bodies do not touch each other: each has a level of its own; rows behind an inlet have the highest.
+    constexpr double none = std::numeric_limits<double>::lowest();
+    std::vector<double> level(2 + config.more_bodies.size(), none); // of all, of each body
+    const auto own = [&](std::size_t i) -> double&
+    { return level[static_cast<std::size_t>(seeds.body[i] + 1)]; };
     for (std::size_t i = 0; i < n; ++i)
-      nodes_.rho[i] = config.tait.hydrostatic_density(highest_ + dot(g, nodes_.x[i]));
+      for (double* l : {&level.front(), &own(i)})
+        *l = std::max(*l, -dot(g, nodes_.x[i]));
+    for (std::size_t i = 0; i < n; ++i)
+      nodes_.rho[i] = config.tait.hydrostatic_density(own(i) + dot(g, nodes_.x[i]));
+    highest_ = level[level[1] > none ? 1 : 0]; // impedance boundaries are surfaces of the first body
   }
   for (std::size_t i = 0; i < n; ++i)
   {

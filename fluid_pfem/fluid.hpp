@@ -318,7 +318,7 @@ private:
   };
   std::vector<ImpedanceNode> impedance_;
   Openings<dim> openings_;
-  double highest_ = 0.0; ///< potential −g·x of the free surface at the start, where p = p₀ [m²/s²]
+  double highest_ = 0.0; ///< potential −g·x of the first body's surface at the start, where p = p₀ [m²/s²]
   Walls<dim> contact_;
   SizeField<dim> size_;
   std::function<bool(const Vec<dim>&)> inside_; ///< where fluid is at the start; empty: one convex body

@@ -419,8 +419,9 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
   config.seeding.seed =
       static_cast<std::uint64_t>(t.integer({"seed", "", "of the random displacement"}, 1, at_least(0)));
   config.initial_pressure =
-      t.choice({"initial_pressure", "", "zero: rho = rho0; hydrostatic: at rest under gravity"}, "zero",
-               {"zero", "hydrostatic"}) == "zero"
+      t.choice({"initial_pressure", "",
+                "zero: rho = rho0; hydrostatic: at rest under gravity, each body from its highest point"},
+               "zero", {"zero", "hydrostatic"}) == "zero"
           ? InitialPressure::zero
           : InitialPressure::hydrostatic;
   read_walls(file, t, run.dim, config);

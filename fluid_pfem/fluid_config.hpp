@@ -72,7 +72,7 @@ struct Seeding
 enum class InitialPressure
 {
   zero,       ///< ρ = ρ₀ everywhere
-  hydrostatic ///< barotropic rest under gravity, p₀ at the highest point
+  hydrostatic ///< barotropic rest under gravity, p₀ at the highest point of each body
 };
 
 /// When to remesh and what becomes of isolated nodes.

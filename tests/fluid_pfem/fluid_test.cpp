@@ -158,6 +158,33 @@ TEMPLATE_TEST_CASE_SIG("a hydrostatic column at rest stays at rest", "[fluid][ve
 
 // The bound is rigorous: the true highest frequency, found by power iteration on A = M⁻¹ B diag(ρc²/V) Bᵀ, is
 // below it. The ratio says how much time step it gives away.
+TEMPLATE_TEST_CASE_SIG("each of two pools begins with the pressure of its own depth", "[fluid][unit]",
+                       ((int dim), dim), 2, 3)
+{
+  FluidConfig config = test::hydraulic(0.1, 20.0);
+  config.dim = dim;
+  config.gravity = {0.0, -9.81, 0.0};
+  config.size = {0.5, 1.0, dim == 3 ? 0.5 : 0.0};
+  config.initial_pressure = InitialPressure::hydrostatic;
+  Body& shallow = config.more_bodies.emplace_back();
+  shallow.shape = config.shape;
+  shallow.origin = {0.55, 0.0, 0.0}; // half a spacing beside the deep one
+  shallow.size = {0.5, 0.4, config.size[2]};
+  const Fluid<dim> fluid(config);
+  std::array<int, 2> met{};
+  for (const auto& x : fluid.nodes().x)
+  {
+    const bool deep = x[0] < 0.525;
+    const auto n = static_cast<std::size_t>(&x - fluid.nodes().x.data());
+    ++met[deep];
+    // Rest of a barotropic fluid in closed form, to round-off.
+    CHECK(fluid.nodes().rho[n] ==
+          Approx(config.tait.hydrostatic_density(9.81 * ((deep ? 1.0 : 0.4) - x[1]))).epsilon(1e-14));
+  }
+  CHECK(met[0] > 20);
+  CHECK(met[1] > 50);
+}
+
 TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by much", "[fluid][unit]",
                        ((int dim), dim), 2, 3)
 {
