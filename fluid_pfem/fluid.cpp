@@ -606,7 +606,7 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
   const Tait& tait = config_.tait;
   for (const ImpedanceNode& node : impedance_)
   {
-    const auto i = static_cast<std::size_t>(node.node);
+    const std::size_t i = node.node;
     const double A = norm(node.area), Z = tait.rho0 * sound_speed() * A, m = nodes_.inertia[i];
     const Vec<dim> n = node.area * (1.0 / A);
     const double depth = std::max(0.0, highest_ + dot(leading<dim>(config_.gravity), nodes_.x[i]));
@@ -735,36 +735,47 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
 {
   if (!archive.reading())
   {
-    collect();
+    if (archive.in_memory())
+      collect();
+    else if (!collected_) // each rank writes its own rows
+    {
+      agree();
+      gather_sums();
+    }
     cool();
-    ranks().gather_rows(mass_rate_, team_.nodes_of_ranks());
-    ranks().gather_rows(x_remesh_, team_.nodes_of_ranks());
-    std::vector<index_t> numbers = wet_of_ranks();
-    for (index_t& n : numbers)
-      n *= dim;
-    ranks().gather_rows(f_link_, numbers);
     interface_work_.normalise();
   }
-  nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
-  archive("elements", mesh_.elements);
+  const auto run = [](index_t begin, index_t end, std::size_t width = 1)
+  {
+    const auto first = static_cast<std::size_t>(begin) * width;
+    return std::array{RowRun{first, first, static_cast<std::size_t>(end - begin) * width}};
+  };
+  const auto own = run(team_.node_begin(), team_.node_end());
+  nodes_.for_each_field([&](const char* name, auto& field) { archive.rows(name, field, own); });
+  archive.rows("elements", mesh_.elements, run(team_.element_begin(), team_.element_end()));
   archive("contact", contact_);
   archive("solid", solid_);
   archive("travel", travel_);
-  archive("terms", sums_);
+  if (!config_.body_force.empty())
+  {
+    sums_.body.resize(nodes_.x.size());
+    archive.rows("body", sums_.body, own);
+  }
   sums_.record.resize(nodes_.x.size());
   sums_.sum.resize(nodes_.x.size());
   delaunay_.forget(); // both runs then go on with a rebuild
   archive("e_layer", e_layer_);
-  archive("mass_rate", mass_rate_);
-  archive("exchange_energy", exchange_energy_);
+  archive.rows("mass_rate", mass_rate_, own);
+  archive.rows("exchange_energy", exchange_energy_, own);
   archive("exchanged", exchanged_);
   archive("unbooked", unbooked_);
   archive("n_wet", n_wet_);
   archive("n_layer", n_layer_);
   archive("e_wet", e_wet_);
   archive("constrained", constrained_);
-  archive("f_link", f_link_);
-  archive("x_remesh", x_remesh_);
+  const auto [wet_begin, wet_end] = wet_range();
+  archive.rows("f_link", f_link_, run(wet_begin, wet_end, dim));
+  archive.rows("x_remesh", x_remesh_, own);
   archive("gaps", gaps_);
   archive("travelled", travelled_);
   archive("good_for", good_for_);

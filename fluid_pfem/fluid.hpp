@@ -229,6 +229,7 @@ private:
 
   bool mesh_is_bad();
   bool any_rank(bool yes);
+  void agree();
   void move_on(double dt, double speed);
   void find_ghosts();
   void cool();
@@ -257,6 +258,7 @@ private:
   void connect_mesh(std::vector<Simplex<dim>> elements);
   void share_elements(std::vector<Simplex<dim>> sorted);
   void gather_state();
+  void gather_sums();
   std::span<const Simplex<dim>> own_elements() const;
   void measure_quality();
   void choose_slow_axis();
@@ -313,7 +315,7 @@ private:
   SurfaceMask wall_mask_ = 0, wet_mask_ = 0, impedance_mask_ = 0;
   struct ImpedanceNode
   {
-    index_t node;
+    std::size_t node;
     Vec<dim> area; ///< of the boundary around it, outward [m^(dim−1)]
   };
   std::vector<ImpedanceNode> impedance_;

@@ -194,6 +194,14 @@ bool Fluid<dim>::any_rank(bool yes)
   return values[0] > 0.0;
 }
 
+/// On how far nodes may have moved, and how long some were turned over. Collective.
+template <int dim>
+void Fluid<dim>::agree()
+{
+  any_rank(false);
+  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+}
+
 /// Positions, velocities and flags of nodes of other ranks come here, as far as they lie within reach of what
 /// this rank decides in a remesh, with room for what the remesh moves. Where all nodes matter, or all are
 /// given new places in the order, all rows do. Collective.
@@ -208,8 +216,7 @@ KnownNodes Fluid<dim>::look_around()
     gather_state();
     return {};
   }
-  any_rank(false);
-  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+  agree();
   const auto begin = static_cast<std::size_t>(team_.node_begin()),
              end = static_cast<std::size_t>(team_.node_end());
   KnownNodes known{.all = false, .list = std::vector<index_t>(end - begin)};
@@ -380,8 +387,17 @@ void Fluid<dim>::gather_state()
        nodes_.flag, nodes_.alone);
   if (!size_.uniform())
     rows(nodes_.h);
-  any_rank(false);
-  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+  agree();
+}
+
+/// Rank 0 has all of the sums over time. Collective.
+template <int dim>
+void Fluid<dim>::gather_sums()
+{
+  std::vector<ExactSum*> sums = sums_over_time();
+  ranks().sum(sums);
+  for (ExactSum* sum : sums)
+    ranks().rank() == 0 ? sum->normalise() : static_cast<void>(*sum = {});
 }
 
 template <int dim>
@@ -390,6 +406,7 @@ void Fluid<dim>::collect()
   if (collected_)
     return;
   gather_state();
+  gather_sums();
   const auto first = team_.nodes_of_ranks();
   ranks().gather_rows(mesh_.elements, team_.elements_of_ranks());
   if (!config_.body_force.empty())
@@ -402,10 +419,6 @@ void Fluid<dim>::collect()
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
     exchange_of_all_.add(exchange_energy_[static_cast<std::size_t>(n)]);
   ranks().sum({&exchange_of_all_});
-  std::vector<ExactSum*> sums = sums_over_time();
-  ranks().sum(sums);
-  for (ExactSum* sum : sums)
-    ranks().rank() == 0 ? sum->normalise() : static_cast<void>(*sum = {});
   collected_ = true;
 }
 

@@ -59,12 +59,6 @@ struct ElementSums
 
   /// Records and sums for n nodes, zero the sums of nodes [begin, end); no body force.
   void reset(index_t n, index_t begin, index_t end);
-
-  template <class Archive>
-  void for_each_state(Archive& archive)
-  {
-    archive("body", body);
-  }
 };
 
 /// Records of nodes [begin, end): velocities at the half step, accelerations of the last instant.

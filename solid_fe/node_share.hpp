@@ -1,6 +1,7 @@
 // Which nodes of the solid this rank computes, and how it hears of the others.
 #pragma once
 
+#include "common/io/row_file.hpp"
 #include "common/parallel/halo.hpp"
 #include "common/parallel/ranks.hpp"
 #include "common/types.hpp"
@@ -49,6 +50,16 @@ public:
     for (const auto& [first, last] : own_)
       count += last - first;
     return count;
+  }
+
+  /// This rank's nodes as rows of a field, of which there are `n`: of all nodes, or of the first.
+  std::vector<RowRun> own_rows(std::size_t n) const
+  {
+    std::vector<RowRun> rows;
+    for (const auto& [first, last] : own_)
+      if (first < n)
+        rows.push_back({first, first, std::min(last, n) - first});
+    return rows;
   }
 
   /// visit(n) for this rank's nodes from `begin` to `end` − 1, in order.

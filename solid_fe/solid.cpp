@@ -671,56 +671,6 @@ double Solid<dim>::driven_force(const DrivenComponent& driven) const
 }
 
 template <int dim>
-void Solid<dim>::for_each_state(StateArchive& archive)
-{
-  if (!archive.reading())
-    collect();
-  nodes_.for_each_field([&archive](const char* name, auto& field) { archive(name, field); });
-  for (std::size_t k = 0; k < bodies_.size(); ++k)
-    if (whole_.empty())
-      archive("body_" + std::to_string(k), bodies_[k].state);
-    else // the file does not know of ranks
-    {
-      auto all = archive.reading() ? BodyState<dim>{} : state_of_all(k);
-      archive("body_" + std::to_string(k), all);
-      if (archive.reading())
-        take_state(k, all);
-    }
-  archive("F_int", F_int_);
-  archive("F_ext", F_ext_);
-  archive("driven", driven_);
-  archive("loads_are_full", loads_are_full_);
-  archive("F_viscous", F_viscous_);
-  archive("F_viscous_old", F_viscous_old_);
-  archive("rigid", rigid_);
-  archive("contact", contact_);
-  archive("F_contact", F_contact_);
-  archive("F_contact_old", F_contact_old_);
-  archive("F_formula", F_formula_);
-  archive("F_formula_old", F_formula_old_);
-  archive("a_free_wet", a_free_wet_);
-  archive("f_link", f_link_);
-  archive("step_of_wet", step_of_wet_);
-  archive("t_origin", t_origin_);
-  archive("dt", dt_);
-  archive("steps_of_dt", steps_of_dt_);
-  archive("step", step_);
-  archive("gravity_reference", gravity_reference_);
-  archive("external_work", external_work_);
-  archive("interface_work", interface_work_);
-  archive("viscous_work", viscous_work_);
-  archive("contact_work", contact_work_);
-  archive("beam", beam_);
-  archive("face_force", face_force_);
-  archive("driven_fibres", driven_fibres_);
-  archive("theta_sent", theta_sent_);
-  archive("F_free", F_free_);
-  archive("frequency_ratio", frequency_ratio_);
-  archive("measured_bound", measured_bound_);
-  archive("measured_step", measured_step_);
-}
-
-template <int dim>
 void Solid<dim>::fail_inverted(const Body<dim>& body, index_t element) const
 {
   std::visit(

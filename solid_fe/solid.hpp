@@ -219,13 +219,6 @@ private:
     double v_step;            ///< velocity within the step [m/s]
     bool accelerates = false; ///< the formula is an acceleration
     double v_end = 0.0;       ///< velocity at the last complete instant [m/s]
-
-    void for_each_state(StateArchive& archive)
-    {
-      archive("reaction", reaction);
-      archive("v_step", v_step);
-      archive("v_end", v_end);
-    }
   };
 
   /// The same of a component of a fibre (2: its rotation).
@@ -237,13 +230,6 @@ private:
     int function;
     double v, v_step;   ///< constant velocity, velocity within the step [m/s]
     double v_end = 0.0; ///< at the last complete instant [m/s]
-
-    void for_each_state(StateArchive& archive)
-    {
-      archive("reaction", reaction);
-      archive("v_step", v_step);
-      archive("v_end", v_end);
-    }
   };
 
   /// A body of which this rank holds some elements.
@@ -258,8 +244,13 @@ private:
   std::vector<char> nodes_of_first_rank() const;
   Graph graph_of_nodes() const;
   void hold_part_of(std::size_t k, std::vector<index_t> held);
-  BodyState<dim> state_of_all(std::size_t k) const;
   void take_state(std::size_t k, const BodyState<dim>& all);
+  void archive_body(StateArchive& archive, std::size_t k, std::span<const RowRun> own);
+  /// Reaction and velocities of what is driven, as numbers; those that are mine(driven) go to a file from
+  /// here.
+  template <class Driven, class Mine>
+  static void archive_driven(StateArchive& archive, const std::string& name, std::vector<Driven>& list,
+                             Mine&& mine);
   /// Sum of term(n) over all nodes, without an order. Collective.
   template <int size, class Term>
   Vec<size> sum_over_nodes(Term&& term) const;

@@ -42,39 +42,6 @@ void keep_rows(std::vector<index_t>& nodes, const Owns& owns, std::vector<Row>& 
   rows.resize(kept);
 }
 
-/// History of the elements of a block, element after element, `row` numbers each.
-template <class Element>
-std::vector<double> rows_of(const ReferenceBlock<Element>& block, const std::vector<Lanes>& history,
-                            std::size_t row)
-{
-  std::vector<double> rows;
-  rows.reserve(row * block.nodes.size());
-  for (index_t e = 0; e < block.size(); ++e)
-  {
-    const auto [p, lane] = block.place(e);
-    for (std::size_t j = 0; j < row; ++j)
-      rows.push_back(history[static_cast<std::size_t>(p) * row + j][lane]);
-  }
-  return rows;
-}
-
-/// The same in packs; the places that are left at the end of a part repeat its last element.
-template <class Element>
-std::vector<Lanes> packs_of(const ReferenceBlock<Element>& block, const std::vector<double>& rows,
-                            std::size_t row)
-{
-  std::vector<Lanes> history(static_cast<std::size_t>(block.n_packs()) * row);
-  for (index_t p = 0; p < block.n_packs(); ++p)
-  {
-    const auto [first, count] = block.elements_of(p);
-    for (int k = 0; k < Lanes::size; ++k)
-      for (std::size_t j = 0; j < row; ++j)
-        history[static_cast<std::size_t>(p) * row + j].set(
-            k, rows[static_cast<std::size_t>(first + std::min(k, count - 1)) * row + j]);
-  }
-  return history;
-}
-
 } // namespace
 
 /// Which nodes must be rank 0's.
@@ -249,46 +216,6 @@ std::vector<index_t> Solid<dim>::counted_elements(std::size_t k) const
       std::visit([](const auto& block) { return static_cast<std::size_t>(block.size()); }, whole_block(k)));
   std::iota(all.begin(), all.end(), 0);
   return all;
-}
-
-/// What body k remembers, with all its elements. Collective.
-template <int dim>
-BodyState<dim> Solid<dim>::state_of_all(std::size_t k) const
-{
-  const auto& whole = whole_[k];
-  BodyState<dim> all = bodies_[k].state;
-  share_.collect(all.nodal_field);
-  if (!all.nodal_volume.empty())
-    all.element_tau = of_all_elements(k, std::move(all.element_tau));
-  const auto mine =
-      std::visit([&](const auto& block) { return rows_of(block, bodies_[k].state.history, whole.row); },
-                 bodies_[k].block);
-  const auto rows = of_all_elements(k, mine, whole.row);
-  all.history = std::visit([&](const auto& block) { return packs_of(block, rows, whole.row); }, whole.block);
-  return all;
-}
-
-/// The part of this rank of what the whole body k remembers.
-template <int dim>
-void Solid<dim>::take_state(std::size_t k, const BodyState<dim>& all)
-{
-  const auto& whole = whole_[k];
-  auto& state = bodies_[k].state;
-  state.nodal_volume = all.nodal_volume;
-  state.nodal_field = all.nodal_field;
-  state.element_tau.clear();
-  for (const index_t e : whole.held)
-    if (!all.element_tau.empty())
-      state.element_tau.push_back(all.element_tau[static_cast<std::size_t>(e)]);
-  const auto rows =
-      std::visit([&](const auto& block) { return rows_of(block, all.history, whole.row); }, whole.block);
-  std::vector<double> mine;
-  for (const index_t e : whole.held)
-    mine.insert(mine.end(),
-                rows.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(e) * whole.row),
-                rows.begin() + static_cast<std::ptrdiff_t>((static_cast<std::size_t>(e) + 1) * whole.row));
-  state.history =
-      std::visit([&](const auto& block) { return packs_of(block, mine, whole.row); }, bodies_[k].block);
 }
 
 template <int dim>

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <span>
 #include <sstream>
 
 namespace undine
@@ -33,7 +34,21 @@ std::optional<std::string> content_of(const fs::path& path)
   return text.str();
 }
 
-std::uint32_t checksum(const std::string& text) { return link::wire::crc32c(std::as_bytes(std::span(text))); }
+/// Size and checksum of a file, if it can be read.
+std::optional<Manifest::File> measured(const fs::path& folder, const std::string& name)
+{
+  std::ifstream file(folder / name, std::ios::binary);
+  Manifest::File found{.name = name};
+  std::vector<char> piece(std::size_t{1} << 20);
+  while (file)
+  {
+    file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
+    const auto bytes = std::as_bytes(std::span(piece)).first(static_cast<std::size_t>(file.gcount()));
+    found.crc32c = link::wire::crc32c(bytes, found.crc32c);
+    found.bytes += bytes.size();
+  }
+  return file.eof() ? std::optional(found) : std::nullopt;
+}
 
 /// The value after "key = " on a line, without quotation marks.
 std::string value_of(const std::string& line)
@@ -91,10 +106,10 @@ std::optional<Checkpoint> open_checkpoint(const fs::path& folder, std::string& c
     complaint = "manifest.toml names no files";
   for (const Manifest::File& file : checkpoint.manifest.files)
   {
-    const auto content = content_of(folder / file.name);
-    if (!content)
+    const auto found = measured(folder, file.name);
+    if (!found)
       complaint = file.name + " is missing";
-    else if (content->size() != file.bytes || checksum(*content) != file.crc32c)
+    else if (found->bytes != file.bytes || found->crc32c != file.crc32c)
       complaint = file.name + " has another size or checksum than manifest.toml says";
   }
   if (!complaint.empty())
@@ -199,11 +214,11 @@ void Checkpoints::finish(const std::string& folder, double t, std::int64_t windo
                   UNDINE_VERSION, t, window, case_hash_);
   for (const std::string& name : files)
   {
-    const auto content = content_of(fs::path(folder) / name);
-    if (!content)
+    const auto found = measured(folder, name);
+    if (!found)
       throw Failure(ExitCode::output_failed, fmt::format("{}/{}: cannot be read back", folder, name));
-    text += fmt::format("\n[[file]]\nname = \"{}\"\nbytes = {}\ncrc32c = \"{:08x}\"\n", name, content->size(),
-                        checksum(*content));
+    text += fmt::format("\n[[file]]\nname = \"{}\"\nbytes = {}\ncrc32c = \"{:08x}\"\n", name, found->bytes,
+                        found->crc32c);
   }
   replace_file(folder + "/manifest.toml", text, true);
   passed(t);
@@ -233,12 +248,11 @@ void Persistence::restore(const StateVisitor& state) const
 
 void Persistence::save(const std::string& folder, const StateVisitor& state) const
 {
-  StateArchive archive;
+  StateArchive archive(folder + "/" + file_name(), ranks);
   state(archive);
   if (output)
     output(archive);
-  if (ranks.rank() == 0)
-    archive.save(folder + "/" + file_name());
+  archive.save();
 }
 
 std::string Persistence::after_step(double t, std::int64_t step, const StateVisitor& state) const

@@ -80,7 +80,7 @@ private:
 using StateVisitor = std::function<void(StateArchive&)>;
 
 /// How a time loop continues from a checkpoint and writes new ones. By default it does neither. On several
-/// ranks all functions are collective: every rank visits its state, rank 0 writes, and every rank reads.
+/// ranks all functions are collective: every rank visits its state, writes its share and reads what it needs.
 struct Persistence
 {
   std::string role;

@@ -4,22 +4,16 @@
 #include "common/error.hpp"
 #include "common/io/folder.hpp"
 #include "common/io/hdf5_handle.hpp"
+#include "common/io/row_file.hpp"
 
 #include <fmt/format.h>
 #include <hdf5.h>
 
 #include <algorithm>
-#include <bit>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <memory>
 #include <numeric>
 #include <optional>
 #include <utility>
-
-#include <fcntl.h>
-#include <unistd.h>
 
 namespace undine
 {
@@ -53,10 +47,7 @@ struct Writer
   {
     const Handle space(path, H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr),
                        H5Sclose);
-    const Handle kind(path, H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    check(H5Pset_alloc_time(kind, H5D_ALLOC_TIME_EARLY));
-    check(H5Pset_fill_time(kind, H5D_FILL_TIME_NEVER));
-    check(H5Pset_obj_track_times(kind, false)); // the bytes of a file are those of the numbers in it
+    const Handle kind = laid_out(path);
     Handle set(path, H5Dcreate2(parent, name.c_str(), file_type, space, H5P_DEFAULT, kind, H5P_DEFAULT),
                H5Dclose);
     if (!unit.empty())
@@ -246,8 +237,6 @@ std::uintmax_t size_of(const std::vector<List>& lists)
   return bytes;
 }
 
-static_assert(std::endian::native == std::endian::little, "numbers go into the file as they lie in memory");
-
 /// The frame in the index.
 /// @param inside  where it is: the file and the group in it
 std::string entry(const std::string& name, double t, const std::string& inside, const std::string& topology,
@@ -279,60 +268,17 @@ std::string entry(const std::string& name, double t, const std::string& inside, 
 /// @param begin first byte of each list in the file
 void write_rows(const std::string& path, const std::vector<List>& lists, std::span<const std::uint64_t> begin)
 {
-  const auto failed = [&](const char* what)
-  {
-    throw Failure(ExitCode::output_failed,
-                  fmt::format("{}: cannot be {}: {}", path, what, std::strerror(errno)));
-  };
   if (std::all_of(lists.begin(), lists.end(), [](const List& list) { return list.bytes().empty(); }))
     return;
-  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
-  if (file < 0)
-    failed("opened");
-  const std::unique_ptr<const int, void (*)(const int*)> closes(&file, [](const int* f) { ::close(*f); });
+  const RowFile file(path, RowFile::to_write);
   for (std::size_t k = 0; k < lists.size(); ++k)
   {
     const FrameRows& rows = *lists[k].rows;
-    const std::size_t row = lists[k].row_bytes(), n = lists[k].bytes().size() / row;
-    for (std::size_t r = 0, end = 0; r < n; r = end)
-    {
-      const auto place = [&](std::size_t i)
-      { return rows.places.empty() ? rows.first + i : static_cast<std::size_t>(rows.places[i]); };
-      for (end = r + 1; end < n && place(end) == place(end - 1) + 1;)
-        ++end;
-      std::span<const std::byte> run = lists[k].bytes().subspan(r * row, (end - r) * row);
-      for (auto at = static_cast<off_t>(begin[k] + place(r) * row); !run.empty();)
-      {
-        const ssize_t written = ::pwrite(file, run.data(), run.size(), at);
-        if (written < 0 && errno != EINTR)
-          failed("written");
-        run = run.subspan(static_cast<std::size_t>(std::max<ssize_t>(written, 0)));
-        at += std::max<ssize_t>(written, 0);
-      }
-    }
+    const std::size_t row = lists[k].row_bytes();
+    file.write(lists[k].bytes(), row, begin[k],
+               rows.places.empty() ? std::vector<RowRun>{{0, rows.first, lists[k].bytes().size() / row}}
+                                   : runs_of(rows.places));
   }
-}
-
-/// Do `work`; what fails on one rank fails on all, in the words of the lowest. Collective.
-template <class Work>
-void together(const Ranks& ranks, Work&& work)
-{
-  if (ranks.alone())
-    return work();
-  std::string failure;
-  try
-  {
-    work();
-  }
-  catch (const Failure& f)
-  {
-    failure = f.what();
-  }
-  std::vector<std::size_t> sizes;
-  const auto texts = ranks.gather(std::vector<char>(failure.begin(), failure.end()), &sizes);
-  const auto first = std::find_if(sizes.begin(), sizes.end(), [](std::size_t n) { return n > 0; });
-  if (first != sizes.end())
-    throw Failure(ExitCode::output_failed, std::string(texts.data(), *first));
 }
 
 } // namespace

@@ -1,6 +1,9 @@
 // The state of objects by name, to and from a file: one function per class serves both directions.
 #pragma once
 
+#include "common/io/row_file.hpp"
+#include "common/parallel/ranks.hpp"
+
 #include <array>
 #include <concepts>
 #include <cstddef>
@@ -8,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -103,14 +107,20 @@ concept Array = requires(T& a, std::size_t n)
 
 } // namespace state_detail
 
-/// Writes into memory and then into one HDF5 file as a whole, or reads from one. Numbers keep all their bits.
+/// Writes into memory or into one HDF5 file, or reads from either. Numbers keep all their bits.
 /// A name that is missing or has another size than the object expects is Failure(bad_input_file): the
-/// checkpoint belongs to another case or version.
+/// checkpoint belongs to another case or version. On several ranks a file holds what rank 0 hands over, and
+/// of arrays that the ranks share (`rows`, `part`) what each of them puts in its place: the file has the same
+/// bytes on any number of ranks, and no rank holds another's rows for it. What is in memory is the rank's
+/// own.
 class StateArchive
 {
 public:
-  /// An archive that writes; the file comes into being by `save`.
+  /// An archive that writes into memory, to be read back.
   StateArchive();
+  /// An archive that writes a file, which takes the name `path` (that of rank 0) by `save`. Collective, as
+  /// are `rows`, `part` and `save` of it.
+  StateArchive(const std::string& path, const Ranks& ranks);
   /// An archive that reads `path`. @throws Failure(bad_input_file)
   explicit StateArchive(const std::string& path);
   ~StateArchive();
@@ -118,10 +128,12 @@ public:
   StateArchive& operator=(const StateArchive&) = delete;
 
   bool reading() const { return reading_; }
-  /// What was written is read from now on, without a file.
+  bool in_memory() const { return path_.empty(); }
+  /// What was written into memory is read from now on.
   void read_back();
-  /// Write the file `path`, through to the disk. @throws Failure(output_failed)
-  void save(const std::string& path);
+  /// Everything was handed over: the file is complete, through to the disk, and replaces one of its name.
+  /// @throws Failure(output_failed) on all ranks, also for what failed before; then there is no new file
+  void save();
 
   /// Hand over one member: a number, an array (which takes the size that was written), a class with
   /// for_each_state, or a std::vector, std::array or std::optional of these.
@@ -142,6 +154,31 @@ public:
       transfer(name, number_of<T>(), &value, 1, sizeof(T));
     else
       each(name, value);
+  }
+
+  /// Hand over an array that has room for the rows of all ranks, or is empty on all: its rows `own` go to
+  /// the file from here. What is read has them all.
+  template <class T>
+  void rows(const std::string& name, std::vector<T>& all, std::span<const RowRun> own)
+  {
+    if (reading_ || in_memory())
+      (*this)(name, all);
+    else
+      put(name, state_detail::number_of<T>(), std::as_bytes(std::span(all)), all.size(), sizeof(T),
+          all.empty() ? std::span<const RowRun>{} : own);
+  }
+  /// Hand over an array that holds some of the `total` rows of all ranks: those in `runs` go to the file from
+  /// here, or come from it.
+  template <class T>
+  void part(const std::string& name, std::vector<T>& some, std::size_t total, std::span<const RowRun> runs)
+  {
+    const StateNumber number = state_detail::number_of<T>();
+    if (in_memory())
+      (*this)(name, some);
+    else if (reading_)
+      get(name, number, std::as_writable_bytes(std::span(some)), total, sizeof(T), runs);
+    else
+      put(name, number, std::as_bytes(std::span(some)), total, sizeof(T), runs);
   }
 
 private:
@@ -229,12 +266,25 @@ private:
   std::uint64_t rows_of(const std::string& name) const;
   void transfer(const std::string& name, StateNumber number, void* data, std::size_t rows,
                 std::size_t row_bytes);
+  void put(const std::string& name, StateNumber number, std::span<const std::byte> data, std::size_t rows,
+           std::size_t row_bytes, std::span<const RowRun> runs);
+  void get(const std::string& name, StateNumber number, std::span<std::byte> data, std::size_t rows,
+           std::size_t row_bytes, std::span<const RowRun> runs);
+  [[noreturn]] void fail_to_read(const std::string& full, const std::string& what) const;
+  template <class Work>
+  void attempt(Work&& work);
+  bool is_first() const { return ranks_.rank() == 0; }
 
   struct File;
-  std::unique_ptr<File> file_;
+  struct DataSet;
+  std::unique_ptr<File> file_; ///< on rank 0, and where it is read
+  Ranks ranks_;
   bool reading_ = false;
-  std::string path_;   ///< of the file that is read
-  std::string prefix_; ///< names of the objects around, each with a slash
+  std::string path_;              ///< empty: in memory
+  std::string temporary_;         ///< where it is written
+  std::unique_ptr<RowFile> rows_; ///< the same file, for rows of this rank
+  std::string failure_;           ///< of what was to be written
+  std::string prefix_;            ///< names of the objects around, each with a slash
 };
 
 } // namespace undine

@@ -849,9 +849,9 @@ void Fluid<dim>::find_impedance()
       if (common != 0)
         area[static_cast<std::size_t>(n)] -= volume_gradient<dim, double>(x);
   }
-  for (index_t n = 0; n < nodes_.size(); ++n)
-    if (norm_squared(area[static_cast<std::size_t>(n)]) > 0.0)
-      impedance_.push_back({n, area[static_cast<std::size_t>(n)]});
+  for (std::size_t n = 0; n < area.size(); ++n)
+    if (norm_squared(area[n]) > 0.0)
+      impedance_.push_back({n, area[n]});
 }
 
 namespace

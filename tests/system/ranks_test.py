@@ -4,7 +4,7 @@
 Example: tests/system/ranks_test.py --build build/release Same.test_a_dam_break
          tests/system/ranks_test.py --build build/release Longer             (1000 steps and more; label validation)
 
-Truth: the run on one rank. Histories, indices, every data set of every frame and of every checkpoint must be the same bytes.
+Truth: the run on one rank. Histories, indices, every data set of every frame and the files of every checkpoint must be the same bytes.
 """
 import json
 import os
@@ -13,8 +13,6 @@ import signal
 import sys
 import time
 from pathlib import Path
-
-import h5py
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import programs  # noqa: E402
@@ -39,15 +37,8 @@ def line_of(case, out, ranks, *options, solid=1):
 
 
 def checkpoints(out):
-    """{file and name: bytes} of every data set of every checkpoint of fluid and solid."""
-    found = {}
-    for path in [*out.glob("checkpoints/*/fluid.h5"), *out.glob("checkpoints/*/solid.h5")]:
-        with h5py.File(path) as file:
-            def visit(name, item, path=path):
-                if isinstance(item, h5py.Dataset):
-                    found[f"{path.relative_to(out)}:{name}"] = item[()].tobytes()
-            file.visititems(visit)
-    return found
+    """{name: bytes} of the files of fluid and solid of every checkpoint."""
+    return {str(path.relative_to(out)): path.read_bytes() for path in [*out.glob("checkpoints/*/fluid.h5"), *out.glob("checkpoints/*/solid.h5")]}
 
 
 def part_of(out, program):
@@ -128,6 +119,42 @@ class Same(RanksTest):
         case = self.folder / "rod.toml"
         case.write_text(text)
         self.same("taylor_bar", (2, 3), 4e-6, case=case)
+
+
+class Restarts(RanksTest):
+    """A run on one rank is continued on three, that one on two, and that one on one again."""
+
+    def chain(self, name, t_end, *settings, solid=lambda n: 1):
+        case = programs.ROOT / "cases" / name / "case.toml"
+        options = sets(*settings, f"run.t_end={t_end}", f"output.every={t_end / 8}", f"checkpoint.every={t_end / 4}", "checkpoint.keep=0")
+        source = self.folder / "whole"
+        self.complete(line_of(case, source, 1, *options))
+        truth = {**contents(source), **checkpoints(source)}
+        ids = sorted(p.name for p in (source / "checkpoints").iterdir())
+        ids = ids[1 if len(ids) > 4 else 0:]  # coupled: one at the start
+        for begin, n in zip(ids, (3, 2, 1)):
+            out = self.folder / f"from_{begin}"
+            shutil.copytree(source, out)
+            for later in out.glob("checkpoints/*"):
+                if later.name > begin:
+                    shutil.rmtree(later)
+            self.complete(line_of(case, out, n, *options, "--restart", begin, solid=solid(n)))
+            found = {**contents(out), **checkpoints(out)}
+            self.assertEqual(sorted(found), sorted(truth))
+            self.assertEqual([k for k in truth if truth[k] != found[k]], [], f"continued on {n} ranks: not the same bytes")
+            source = out
+        files = [k for k in truth if k.startswith("checkpoints/")]
+        print(f"    {name}: 1, 3, 2, 1 ranks, {len(files)} files of {sum(len(truth[k]) for k in files)} bytes in checkpoints "
+              f"and {sum(map(len, truth.values()))} bytes in all are the same", file=sys.stderr)
+
+    def test_a_fluid(self):
+        self.chain("dam_break", 0.3, "run.resolution=12")
+
+    def test_a_solid(self):
+        self.chain("taylor_bar", 6e-6)
+
+    def test_both(self):
+        self.chain("elastic_gate", 0.006, "run.resolution=20", solid=lambda n: n)
 
 
 class Longer(RanksTest):

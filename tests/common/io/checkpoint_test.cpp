@@ -86,9 +86,9 @@ std::string failure_of(ExitCode code, Action&& action)
 template <class Object>
 void save(Object& object, const std::string& path)
 {
-  StateArchive archive;
+  StateArchive archive(path, {});
   archive("object", object);
-  archive.save(path);
+  archive.save();
 }
 
 template <class Object>

@@ -234,9 +234,9 @@ TEST_CASE("a writer that continues from a checkpoint keeps the frames before it 
     FrameWriter writer(folder.path, "fluid");
     writer.write(0.0, square_mesh(), {});
     writer.write(0.5, square_mesh(), {});
-    StateArchive archive;
+    StateArchive archive(state, {});
     archive("frames", writer);
-    archive.save(state);
+    archive.save();
     writer.write(1.0, square_mesh(), {});
     writer.write(1.5, square_mesh(), {});
   }

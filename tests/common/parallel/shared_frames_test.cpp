@@ -3,18 +3,14 @@
 #include "common/error.hpp"
 #include "common/io/frames.hpp"
 #include "common/parallel/mpi_ranks.hpp"
-#include "tests/common/io/temporary_folder.hpp"
+#include "tests/common/parallel/shared_folder.hpp"
 
 #include <catch2/catch.hpp>
 
 #include <algorithm>
-#include <csignal>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <sys/resource.h>
 
 using namespace undine;
 
@@ -22,21 +18,6 @@ namespace
 {
 
 Ranks all_ranks() { return ranks_of(MPI_COMM_WORLD, 60.0); }
-
-/// One folder of all ranks; rank 0 makes and removes it.
-struct SharedFolder
-{
-  std::optional<TemporaryFolder> made;
-  std::string path;
-  explicit SharedFolder(const Ranks& ranks)
-  {
-    if (ranks.rank() == 0)
-      made.emplace();
-    const std::string mine = made ? made->path : "";
-    const auto all = ranks.of_first(std::vector<char>(mine.begin(), mine.end()));
-    path.assign(all.begin(), all.end());
-  }
-};
 
 /// n × n squares with a vector on nodes and a scalar on cells.
 struct Squares
@@ -146,28 +127,19 @@ TEST_CASE("a rank that cannot write ends the frame on all ranks, in its words, a
   FrameWriter writer(folder.path, "shared", ranks);
   write_shared(writer, squares, 0.0, ranks);
 
-  // The last rank's files may not grow beyond what is there: a quota, where a disk would be full.
-  rlimit old{};
-  getrlimit(RLIMIT_FSIZE, &old);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  if (ranks.rank() == ranks.size() - 1 && ranks.size() > 1)
-  {
-    rlimit small = old;
-    small.rlim_cur = 4096;
-    setrlimit(RLIMIT_FSIZE, &small);
-  }
   std::string reason;
-  try
   {
-    write_shared(writer, squares, 0.5, ranks);
+    const SmallDisk disk(ranks.rank() == ranks.size() - 1 && !ranks.alone());
+    try
+    {
+      write_shared(writer, squares, 0.5, ranks);
+    }
+    catch (const Failure& failure)
+    {
+      CHECK(failure.code() == ExitCode::output_failed);
+      reason = failure.what();
+    }
   }
-  catch (const Failure& failure)
-  {
-    CHECK(failure.code() == ExitCode::output_failed);
-    reason = failure.what();
-  }
-  setrlimit(RLIMIT_FSIZE, &old);
-  std::signal(SIGXFSZ, handler);
   if (ranks.alone())
   {
     CHECK(reason.empty());
