@@ -136,67 +136,67 @@ private:
   std::vector<std::array<Vec<dim>, 2>> value_;
 };
 
-/// Σ_j |B_ij| of inner nodes of the plane, eight at a time: with the neighbours n_k around the node in their
-/// order it is Σ_k |x(n_k+1) − x(n_k−1)|/6, and the same for i–j as for j–i.
-class EightRings
+/// Σ_j |B_ij| of the inner nodes with few neighbours among eight of the plane, side by side: with the
+/// neighbours n_k around a node in their order it is Σ_k |x(n_k+1) − x(n_k−1)|/6, and the same for i–j as for
+/// j–i.
+class RingSums
 {
 public:
-  static constexpr std::size_t most = 8; ///< neighbours
+  static constexpr index_t most = 8; ///< neighbours
 
-  bool full() const { return count_ == Lanes::size; }
-  /// Add node i, if it is an inner one with few neighbours.
-  bool take(const FluidMesh<2>& mesh, const FluidNodes<2>& nodes, index_t i)
+  [[gnu::flatten]] RingSums(const FluidMesh<2>& mesh, const FluidNodes<2>& nodes, std::size_t group)
   {
-    const auto fan = mesh.fan(i);
-    if (fan.size() > most || !inner<2>(fan))
-      return false;
-    const auto x = [&](std::size_t k)
-    { return nodes.x[static_cast<std::size_t>(fan[k].opposite[0])].c.data(); };
-    at_[0][count_] = x(fan.size() - 1);
-    for (std::size_t k = 0; k < fan.size(); ++k)
-      at_[k + 1][count_] = x(k);
-    for (std::size_t k = fan.size(); k <= most; ++k)
-      at_[k + 1][count_] = x(0);
-    neighbours_[count_] = static_cast<double>(fan.size());
-    largest_ = std::max(largest_, fan.size());
-    node_[count_++] = i;
-    return true;
-  }
-  /// visit(node, sum) for the nodes taken, which are then forgotten.
-  template <class Visit>
-  void sums(Visit&& visit)
-  {
-    if (count_ == 0)
-      return;
-    for (std::size_t l = count_; l < Lanes::size; ++l)
+    constexpr std::size_t L = Lanes::size;
+    const Rings::Row* const row = mesh.rings.row.data() + mesh.rings.begin[group];
+    const auto n_rows = static_cast<std::size_t>(mesh.rings.begin[group + 1] - mesh.rings.begin[group]);
+    const std::size_t n_lanes = std::min(L, mesh.fan_begin.size() - 1 - L * group);
+    // A ring that is open somewhere has its node in it.
+    const index_t twice_first = 2 * (mesh.first_with_fan + static_cast<index_t>(L * group));
+    std::array<index_t, L> open{}, size{};
+    for (std::size_t k = 0; k < n_rows; ++k)
+      for (std::size_t l = 0; l < L; ++l)
+        open[l] |= row[k][l] == twice_first + 2 * static_cast<index_t>(l);
+    const index_t* const begin = mesh.fan_begin.data() + L * group;
+    for (std::size_t l = 0; l < n_lanes; ++l)
+      if (!open[l] && begin[l + 1] - begin[l] <= most)
+        size[l] = begin[l + 1] - begin[l];
+    const double *const x = nodes.x.front().c.data(), *last[L];
+    Lanes neighbours;
+    std::size_t largest = 0;
+    for (std::size_t l = 0; l < L; ++l)
     {
-      for (std::size_t k = 0; k < at_.size(); ++k)
-        at_[k][l] = at_[k][0];
-      neighbours_[l] = 0.0;
+      const auto s = static_cast<std::size_t>(size[l]);
+      here_[l] = s > 0;
+      neighbours.set(static_cast<int>(l), static_cast<double>(s));
+      largest = std::max(largest, s);
+      last[l] = x + row[std::max<std::size_t>(s, 1) - 1][l];
     }
-    const Lanes neighbours = load_lanes(neighbours_, Lanes::size);
-    Lanes sum(0.0);
-    Vec<2, Lanes> before, here, next;
-    load_pairs(at_[0], before[0], before[1]);
-    load_pairs(at_[1], here[0], here[1]);
-    for (std::size_t k = 0; k < largest_; ++k)
+    const auto load = [&](std::size_t k, Vec<2, Lanes>& point)
     {
-      load_pairs(at_[k + 2], next[0], next[1]);
-      sum += select(Lanes(static_cast<double>(k)) < neighbours, Lanes(1.0 / 6.0), Lanes(0.0)) *
-             sqrt(norm_squared(before - next));
+      const double* from[L];
+      for (std::size_t l = 0; l < L; ++l)
+        from[l] = x + row[k < n_rows ? k : 0][l];
+      load_pairs(from, point[0], point[1]);
+    };
+    Vec<2, Lanes> before, here, next;
+    load_pairs(last, before[0], before[1]);
+    load(0, here);
+    for (std::size_t k = 0; k < largest; ++k)
+    {
+      load(k + 1, next);
+      sum_ += select(Lanes(static_cast<double>(k)) < neighbours, Lanes(1.0 / 6.0), Lanes(0.0)) *
+              sqrt(norm_squared(before - next));
       before = here;
       here = next;
     }
-    for (std::size_t l = 0; l < count_; ++l)
-      visit(node_[l], sum[static_cast<int>(l)]);
-    count_ = largest_ = 0;
   }
+  bool here(std::size_t lane) const { return here_[lane]; }
+  bool all_here() const { return std::count(here_.begin(), here_.end(), true) == Lanes::size; }
+  const Lanes& sum() const { return sum_; }
 
 private:
-  std::size_t count_ = 0, largest_ = 0;
-  std::array<const double * [Lanes::size], most + 2> at_;
-  double neighbours_[Lanes::size] = {};
-  std::array<index_t, Lanes::size> node_{};
+  Lanes sum_;
+  std::array<bool, Lanes::size> here_;
 };
 
 /// Square of the highest frequency, bounded by [6] without damping [1/s²].
@@ -209,7 +209,6 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
   std::vector<double>&stiffness = workspace.stiffness, &row_sum = workspace.row_sum;
   stiffness.resize(static_cast<std::size_t>(n_nodes));
   row_sum.resize(static_cast<std::size_t>(n_nodes));
-  constexpr bool by_rings = dim == 2 && !wraps;
   team.each(
       [&](const Share& share)
       {
@@ -221,17 +220,8 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
           stiffness[k] = of_column * tait.tangent_modulus(nodes.p[k]) /
                          std::max(nodes.V[k], floor * regular_volume<dim>(nodes.h[k]));
         };
-        const auto set_both = [&](index_t i, double sum) { set(i, sum, sum); };
-        [[maybe_unused]] EightRings rings;
-        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        const auto set_one = [&](index_t i)
         {
-          if constexpr (by_rings)
-            if (rings.take(mesh, nodes, i))
-            {
-              if (rings.full())
-                rings.sums(set_both);
-              continue;
-            }
           double of_row = 0.0, of_column = 0.0;
           row.for_each(mesh, nodes, i,
                        [&](index_t, double B_ij, double B_ji)
@@ -240,17 +230,48 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
                          of_column += B_ji;
                        });
           set(i, of_row, of_column);
-        }
-        if constexpr (by_rings)
-          rings.sums(set_both);
+        };
+        if constexpr (dim == 2 && !wraps)
+          for (index_t n = share.node_begin; n < share.node_end;)
+          {
+            const index_t group = (n - mesh.first_with_fan) / Lanes::size,
+                          first = mesh.first_with_fan + group * Lanes::size,
+                          end = std::min(first + Lanes::size, share.node_end);
+            const RingSums rings(mesh, nodes, static_cast<std::size_t>(group));
+            if (rings.all_here() && end - n == Lanes::size)
+            {
+              const auto k = static_cast<std::size_t>(n);
+              const Lanes least = Lanes(floor) * regular_volume<2>(load_lanes(&nodes.h[k], Lanes::size));
+              store_lanes(rings.sum(), &row_sum[k], Lanes::size);
+              store_lanes(rings.sum() * tait.tangent_modulus(load_lanes(&nodes.p[k], Lanes::size)) /
+                              max(load_lanes(&nodes.V[k], Lanes::size), least),
+                          &stiffness[k], Lanes::size);
+              n = end;
+            }
+            for (; n < end; ++n)
+              if (rings.here(static_cast<std::size_t>(n - first)))
+                set(n, rings.sum()[n - first], rings.sum()[n - first]);
+              else
+                set_one(n);
+          }
+        else
+          for (index_t i = share.node_begin; i < share.node_end; ++i)
+            set_one(i);
       });
   halo.update(stiffness);
+  const auto eight = [](const std::vector<double>& field, index_t first, index_t end) {
+    return load_lanes(&field[static_cast<std::size_t>(first)], std::min<index_t>(Lanes::size, end - first));
+  };
   double stiffest = 0.0; // of all nodes in the rows here
-  const auto look = [&](index_t n) { stiffest = std::max(stiffest, stiffness[static_cast<std::size_t>(n)]); };
-  for (index_t n = team.node_begin(); n < team.node_end(); ++n)
-    look(n);
+  const auto look = [&](double of_one) { stiffest = std::max(stiffest, of_one); };
+  Lanes stiffest_of_eight(0.0);
+  for (index_t n = team.node_begin(); n < team.node_end(); n += Lanes::size)
+    stiffest_of_eight = max(stiffest_of_eight, eight(stiffness, n, team.node_end()));
+  for (int l = 0; l < Lanes::size; ++l)
+    look(stiffest_of_eight[l]);
   for (const auto& ghosts : halo.received())
-    std::for_each(ghosts.begin(), ghosts.end(), look);
+    for (const index_t n : ghosts)
+      look(stiffness[static_cast<std::size_t>(n)]);
   workspace.largest.assign(team.shares().size(), 0.0);
   team.each(
       [&](const Share& share)
@@ -268,20 +289,33 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
         };
         // A row sums to no more than it would with the stiffest of its nodes: is it worth a look? The first
         // looks go where the largest is likely to be, so that few more are needed.
+        constexpr double beyond_rounding = 1.0 + 1e-12;
         const auto may_be_larger = [&](std::size_t n, double most)
+        { return !(row_sum[n] * most * beyond_rounding < largest * nodes.inertia[n]); };
+        const auto look_closer = [&](index_t i)
         {
-          constexpr double beyond_rounding = 1.0 + 1e-12;
-          return !(row_sum[n] * most * beyond_rounding < largest * nodes.inertia[n]);
+          const auto n = static_cast<std::size_t>(i);
+          if (!may_be_larger(n, stiffest))
+            return;
+          double most = stiffness[n];
+          for (const auto& entry : mesh.fan(i))
+            for (const index_t j : entry.opposite)
+              most = std::max(most, stiffness[static_cast<std::size_t>(j)]);
+          if (may_be_larger(n, most))
+            see(i);
         };
         double likely = -1.0;
         index_t begin = share.node_begin;
-        for (index_t i = share.node_begin; i < share.node_end; ++i)
-          if (const auto n = static_cast<std::size_t>(i);
-              row_sum[n] * stiffness[n] > likely * nodes.inertia[n])
-          {
-            likely = row_sum[n] * stiffness[n] / nodes.inertia[n];
-            begin = i;
-          }
+        for (index_t first = share.node_begin; first < share.node_end; first += Lanes::size)
+          if (any(eight(row_sum, first, share.node_end) * eight(stiffness, first, share.node_end) >
+                  Lanes(likely) * eight(nodes.inertia, first, share.node_end)))
+            for (index_t i = first; i < std::min(first + Lanes::size, share.node_end); ++i)
+              if (const auto n = static_cast<std::size_t>(i);
+                  row_sum[n] * stiffness[n] > likely * nodes.inertia[n])
+              {
+                likely = row_sum[n] * stiffness[n] / nodes.inertia[n];
+                begin = i;
+              }
         if (begin < share.node_end)
         {
           see(begin);
@@ -289,17 +323,13 @@ double largest_omega_squared(const FluidMesh<dim>& mesh, const FluidNodes<dim>& 
             if (share.owns(entry.opposite[0]))
               see(entry.opposite[0]);
         }
-        for (index_t i = share.node_begin; i < share.node_end; ++i)
+        for (index_t first = share.node_begin; first < share.node_end; first += Lanes::size)
         {
-          const auto n = static_cast<std::size_t>(i);
-          if (!may_be_larger(n, stiffest))
+          if (!any(~(eight(row_sum, first, share.node_end) * Lanes(stiffest * beyond_rounding) <
+                     Lanes(largest) * eight(nodes.inertia, first, share.node_end))))
             continue;
-          double most = stiffness[n];
-          for (const auto& entry : mesh.fan(i))
-            for (const index_t j : entry.opposite)
-              most = std::max(most, stiffness[static_cast<std::size_t>(j)]);
-          if (may_be_larger(n, most))
-            see(i);
+          for (index_t i = first; i < std::min(first + Lanes::size, share.node_end); ++i)
+            look_closer(i);
         }
         workspace.largest[team.number(share)] = largest;
       });

@@ -195,21 +195,29 @@ void Fluid<dim>::predict_position(double dt)
   team_.each(
       [&](const Share& share)
       {
-        constexpr index_t side_by_side = 8;
-        std::array<double, side_by_side> fastest{}; // squared
-        const auto move = [&](index_t n, double& speed)
+        double* const x = nodes_.x.front().c.data();
+        const double* const v = nodes_.v.front().c.data();
+        Lanes fastest(0.0); // squared
+        for (index_t n = share.node_begin; n < share.node_end; n += Lanes::size)
         {
-          const auto i = static_cast<std::size_t>(n);
-          speed = std::max(speed, norm_squared(nodes_.v[i]));
-          nodes_.x[i] += dt * nodes_.v[i];
-        };
-        index_t n = share.node_begin;
-        for (; n + side_by_side <= share.node_end; n += side_by_side)
-          for (index_t k = 0; k < side_by_side; ++k)
-            move(n + k, fastest[static_cast<std::size_t>(k)]);
-        for (; n < share.node_end; ++n)
-          move(n, fastest[0]);
-        fastest_[team_.number(share)] = *std::max_element(fastest.begin(), fastest.end());
+          const index_t end = std::min(n + Lanes::size, share.node_end);
+          for (std::ptrdiff_t k = std::ptrdiff_t{dim} * n; k < std::ptrdiff_t{dim} * end; ++k)
+            x[k] += dt * v[k];
+          const double* row[Lanes::size];
+          for (index_t l = 0; l < Lanes::size; ++l)
+            row[l] = v + std::ptrdiff_t{dim} * std::min(n + l, end - 1);
+          Vec<dim, Lanes> eight;
+          if constexpr (dim == 2)
+            load_pairs(row, eight[0], eight[1]);
+          else
+            for (int l = 0; l < Lanes::size; ++l)
+              for (int i = 0; i < dim; ++i)
+                eight[i].set(l, row[l][i]);
+          fastest = max(fastest, norm_squared(eight));
+        }
+        double& fastest_here = fastest_[team_.number(share)];
+        for (int l = 0; l < Lanes::size; ++l)
+          fastest_here = std::max(fastest_here, fastest[l]);
       });
   halo_.update(nodes_.x);
   const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));

@@ -332,12 +332,21 @@ void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config
   for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
   {
     auto& c = sums.record[n].c;
-    const Vec<dim> a = with_a * nodes.a[n];
-    std::copy_n(nodes.x[n].c.begin(), dim, c.begin() + Record::x);
-    std::copy_n(nodes.v[n].c.begin(), dim, c.begin() + Record::v);
-    std::copy_n(a.c.begin(), dim, c.begin() + Record::a);
-    c[Record::p] = nodes.p[n];
-    c[Record::rho] = nodes.rho[n];
+    const Vec<dim>&x = nodes.x[n], &v = nodes.v[n], a = with_a * nodes.a[n];
+    if constexpr (dim == 2) // in two stores
+    {
+      auto* const rows = reinterpret_cast<FourNumbers*>(c.data());
+      rows[0] = FourNumbers{x[0], x[1], v[0], v[1]};
+      rows[1] = FourNumbers{nodes.p[n], nodes.rho[n], a[0], a[1]};
+    }
+    else
+    {
+      std::copy_n(x.c.begin(), dim, c.begin() + Record::x);
+      std::copy_n(v.c.begin(), dim, c.begin() + Record::v);
+      std::copy_n(a.c.begin(), dim, c.begin() + Record::a);
+      c[Record::p] = nodes.p[n];
+      c[Record::rho] = nodes.rho[n];
+    }
   }
   if (!sums.body.empty())
     for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)

@@ -36,7 +36,11 @@ struct Tait
   }
   double density(double p) const { return rho0 * std::pow(1.0 + (p - p0) / B, 1.0 / gamma); }
   /// ρ c² = dp/dlnρ = γ (p − p₀ + B) [Pa].
-  double tangent_modulus(double p) const { return gamma * (p - p0 + B); }
+  template <class Real>
+  Real tangent_modulus(const Real& p) const
+  {
+    return Real(gamma) * (p - Real(p0) + Real(B));
+  }
   double sound_speed(double rho) const { return std::sqrt(tangent_modulus(pressure(rho)) / rho); }
   /// Energy per mass e with de/dρ = (p − p₀)/ρ², e(ρ₀) = 0 [J/kg].
   double internal_energy(double rho) const

@@ -23,10 +23,14 @@ template <int dim>
     for (std::size_t c = 0; c <= dim; ++c)
       load_points<dim>(x.data(), element, c, corner[c]);
     period.join(corner);
-    Lanes q_before;
-    for (int l = 0; l < L; ++l)
-      q_before.set(l, static_cast<double>(before[static_cast<std::size_t>(std::min(first + l, end - 1))]));
-    Lanes least = min(Lanes(limit), Lanes(0.6) * q_before);
+    double q[L];
+    const float* const q_before = before.data() + first;
+    if (first + L <= end)
+      std::copy_n(q_before, L, q);
+    else
+      for (index_t l = 0; l < L; ++l)
+        q[l] = q_before[std::min(l, end - 1 - first)];
+    Lanes least = min(Lanes(limit), Lanes(0.6) * load_lanes(q, L));
     if constexpr (dim == 3)
       least *= least * least;
     if (any(~(least <= quality_power<dim, Lanes>(corner))))

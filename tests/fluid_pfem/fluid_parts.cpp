@@ -1,20 +1,24 @@
 // What each part of a step of the fluid costs by itself, called again and again on one state of a dam break.
 //
-//   fluid_parts NODES_OVER_WIDTH [REPEATS]
+//   fluid_parts NODES_OVER_WIDTH [REPEATS | instructions]
 //
-// prints one JSON object: nanoseconds of CPU time per node and call, the least of all repeats.
+// prints one JSON object: nanoseconds of CPU time per node and call, the least of all repeats; or
+// instructions that one call executes per node and, in a second number, those of them on eight numbers
+// (x86-64; some microseconds each: take 22 nodes).
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/distortion.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
 #include "tests/support/clocks.hpp"
+#include "tests/support/instructions.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <span>
+#include <string>
 #include <vector>
 
 using namespace undine;
@@ -37,6 +41,7 @@ int main(int argc, char** argv)
   FluidNodes<2> nodes = fluid.nodes();
   const FluidMesh<2>& mesh = fluid.mesh();
   const index_t N = nodes.size(), E = mesh.n_elements();
+  const bool counts = argc > 2 && std::string(argv[2]) == "instructions";
   const int repeats = argc > 2 ? std::atoi(argv[2]) : std::max(5, 10000000 / N);
   const double c0 = config.tait.sound_speed(config.tait.rho0);
   const Vec<2> g = leading<2>(config.gravity);
@@ -55,6 +60,13 @@ int main(int argc, char** argv)
   std::string row = fmt::format("{{\"nodes\": {}", N);
   const auto time = [&](const char* part, auto&& act)
   {
+    if (counts)
+    {
+      const auto count = test::count_instructions(act);
+      row += fmt::format(", \"{}\": [{:.1f}, {:.1f}]", part, static_cast<double>(count.all) / N,
+                         static_cast<double>(count.of_eight) / N);
+      return;
+    }
     double least = 1e300;
     for (int k = 0; k < repeats; ++k)
     {
