@@ -3,10 +3,11 @@
 
     scripts/benchmark fluid --repeats 3
 
-Writes docs/benchmarks/fluid_speed.md. CPU time of one core, medians.
+Writes the tables of docs/benchmarks/fluid_speed.md and keeps what is said below them. CPU time of one core, medians.
 """
 import argparse
 import json
+import os
 import statistics
 import subprocess
 from pathlib import Path
@@ -15,6 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # Memory traffic of a step in the plane, bytes per node, every array once per sweep: predict 80; volumes, density, pressure and records 180;
 # element forces, accelerations and kick 216; mass exchange 57.
 BYTES_PER_NODE_STEP = 533
+PAGE = ROOT / "docs" / "benchmarks" / "fluid_speed.md"
+BELOW = "## What the scheme needs at least"
 
 
 def measure(nodes_over_width, t_end, repeats, threads=1):
@@ -25,8 +28,8 @@ def measure(nodes_over_width, t_end, repeats, threads=1):
     return {key: statistics.median(s[key] for s in samples) for key in samples[0]}
 
 
-def parts(nodes_over_width):
-    done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_parts", str(nodes_over_width)], capture_output=True, text=True, check=True)
+def parts(nodes_over_width, *what):
+    done = subprocess.run([ROOT / "build" / "release" / "bin" / "fluid_parts", str(nodes_over_width), *what], capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
 
 
@@ -36,10 +39,13 @@ def table_of_parts(widths):
     names = {"volumes": ("volumes of nodes", 1), "state": ("density and pressure", 1), "records": ("records of nodes", 1), "forces": ("element forces, all terms", 1),
              "pressure_forces": ("(pressure alone)", 0), "accelerations": ("accelerations", 1), "exchange": ("exchange of mass", 0.8),
              "exchange_booked": ("the same with its energy", 0.2), "bound": ("largest stable step", 1 / 8), "worse": ("shape of elements", 1 / 4)}
-    lines = ["| part | per step | " + " | ".join(f"{r['nodes']} nodes" for r in rows) + " |", "| --- | --- |" + " --- |" * len(rows)]
+    counts = parts(33, "instructions")
+    lines = ["| part | per step | " + " | ".join(f"{r['nodes']} nodes [ns]" for r in rows) + f" | instructions, {counts['nodes']} nodes | of these on eight numbers |", "| --- | --- |" + " --- |" * (len(rows) + 2)]
     for key, (name, often) in names.items():
-        lines.append(f"| {name} | {often:.3g} | " + " | ".join(f"{r[key]:.1f}" for r in rows) + " |")
-    lines.append("| sum | | " + " | ".join(f"**{sum(r[key] * often for key, (_, often) in names.items()):.1f}**" for r in rows) + " |")
+        lines.append(f"| {name} | {often:.3g} | " + " | ".join(f"{r[key]:.1f}" for r in rows) + f" | {counts[key][0]:.0f} | {counts[key][1]:.0f} |")
+    def total(value):
+        return sum(value(key) * often for key, (_, often) in names.items())
+    lines.append("| sum | | " + " | ".join(f"**{total(r.get):.1f}**" for r in rows) + f" | **{total(lambda key: counts[key][0]):.0f}** | **{total(lambda key: counts[key][1]):.0f}** |")
     return lines
 
 
@@ -63,16 +69,17 @@ def main():
         lines.append(f"| {r['nodes']:.0f} | {r['T']:.2f} | {r['steps']:.0f} | {r['remeshes']:.0f} ({r['rebuilds']:.0f}) | **{r['all']:.1f}** | {r['solve']:.1f} | {r['predict']:.1f} | {r['bound']:.1f} | "
                      f"{r['look']:.1f} | {r['remesh']:.1f} | {r['output']:.2f} | {r['remesh_us_per_node']:.2f} | {r['triad_same_size']:.0f} / {r['triad_memory']:.0f} | "
                      f"{(r['solve'] + r['predict']) / roof:.1f} | {r['peak_bytes_per_node']:.0f} | {r['volume_error']:.1e} | {r['remesh_gain'] / r['energy_scale']:+.1e} {r['remesh_loss'] / r['energy_scale']:+.1e} |")
+    model = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")), "unknown")
+    lines += ["", f"{os.cpu_count()} cores of \"{model}\"; load of the machine meanwhile {os.getloadavg()[1]:.1f}."]
     n, t_end = args.threads.split(":")
     one, two = (measure(int(n), float(t_end), args.repeats, threads) for threads in (1, 2))
     lines += ["", f"Threads, {one['nodes']:.0f} nodes to T = {t_end}, ns of the clock on the wall: **{one['wall']:.1f}** with one, **{two['wall']:.1f}** with two "
               f"(step {one['solve']:.1f} ns of CPU time with one, {two['solve']:.1f} with two). The bits of the results are the same (`fluid_test.cpp`)."]
-    lines += ["", "## Part by part", "", "Every part called alone, again and again on one state of the dam break: the least ns of CPU time per node and call (`fluid_parts`).", ""]
+    lines += ["", "## Part by part", "", "Every part called alone, again and again on one state of the dam break: the least ns of CPU time per node and call (`fluid_parts`), and what a call "
+              "executes per node, counted instruction by instruction (`fluid_parts 33 instructions`).", ""]
     lines += table_of_parts(args.parts)
-    lines += ["", "Peers, on machines of the same kind (figures of their own runs): PFEM3D 1400 / 1470 / 2360 ns per node and step at 1.1k / 5.4k / 21k nodes, 7 to 17 us per node and remesh, "
-              "2.4 kB per node; SPHinXsys 560 to 900 ns per particle and acoustic step.", "", "Made by `scripts/benchmark fluid`.", ""]
-    out = ROOT / "docs" / "benchmarks" / "fluid_speed.md"
-    out.write_text("\n".join(lines))
+    page = PAGE.read_text()
+    PAGE.write_text("\n".join([*lines, "", page[page.index(BELOW):]]))
     print("\n".join(lines))
 
 
