@@ -1,7 +1,7 @@
-// One folder of all ranks, as long as a test lives, and a file that one rank cannot write.
+// All ranks of mpirun, one folder of theirs, as long as a test lives, and a file that one rank cannot write.
 #pragma once
 
-#include "common/parallel/ranks.hpp"
+#include "common/parallel/mpi_ranks.hpp"
 #include "tests/common/io/temporary_folder.hpp"
 
 #include <csignal>
@@ -13,6 +13,8 @@
 
 namespace undine
 {
+
+inline Ranks all_ranks() { return ranks_of(MPI_COMM_WORLD, 60.0); }
 
 /// Rank 0 makes and removes it.
 struct SharedFolder

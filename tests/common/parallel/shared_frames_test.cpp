@@ -2,7 +2,6 @@
 // that cannot write.
 #include "common/error.hpp"
 #include "common/io/frames.hpp"
-#include "common/parallel/mpi_ranks.hpp"
 #include "tests/common/parallel/shared_folder.hpp"
 
 #include <catch2/catch.hpp>
@@ -16,8 +15,6 @@ using namespace undine;
 
 namespace
 {
-
-Ranks all_ranks() { return ranks_of(MPI_COMM_WORLD, 60.0); }
 
 /// n × n squares with a vector on nodes and a scalar on cells.
 struct Squares

@@ -2,7 +2,6 @@
 // on another number, and a rank that cannot write.
 #include "common/error.hpp"
 #include "common/io/state_archive.hpp"
-#include "common/parallel/mpi_ranks.hpp"
 #include "tests/common/parallel/shared_folder.hpp"
 
 #include <catch2/catch.hpp>
@@ -21,8 +20,6 @@ using namespace undine;
 
 namespace
 {
-
-Ranks all_ranks() { return ranks_of(MPI_COMM_WORLD, 60.0); }
 
 constexpr std::size_t n_nodes = 5000, n_elements = 3001, width = 3;
 
