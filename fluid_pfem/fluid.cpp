@@ -219,7 +219,7 @@ void Fluid<dim>::predict_position(double dt)
         for (int l = 0; l < Lanes::size; ++l)
           fastest_here = std::max(fastest_here, fastest[l]);
       });
-  halo_.update(nodes_.x);
+  halo_.start(nodes_.x);
   const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));
   if (ranks().alone())
     move_on(dt, speed);
@@ -291,6 +291,8 @@ void Fluid<dim>::add_body_force(index_t begin, index_t end)
 template <int dim>
 void Fluid<dim>::solve_free_motion_of_interface(double dt)
 {
+  if (dim == 3 || has_interface())
+    halo_.finish(nodes_.x);
   if constexpr (dim == 3)
     std::fill(nodes_.V.begin() + team_.node_begin(), nodes_.V.begin() + team_.node_end(), 0.0);
   if (!has_interface())
@@ -333,33 +335,57 @@ template <int dim>
 void Fluid<dim>::solve_free_motion_of_interior(double dt)
 {
   bad_.assign(static_cast<std::size_t>(team_.threads()), -1);
-  team_.each(
-      [&](const Share& share)
-      {
-        index_t bad = -1;
-        const auto take = [&](index_t begin, index_t end)
-        {
-          bad = std::max(bad, update_state(begin, end));
-          record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
-        };
-        if constexpr (dim == 2)
-          for (index_t n = std::max(share.node_begin, n_layer_); n < share.node_end;)
+  const auto state_of = [this](const Share& share)
+  {
+    return [this, &bad = bad_[team_.number(share)]](index_t begin, index_t end)
+    {
+      bad = std::max(bad, update_state(begin, end));
+      record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+    };
+  };
+  if constexpr (dim == 2)
+  {
+    const auto update_blocks = [&](Turn turn)
+    {
+      if (turns_.empty() && turn != Turn::first) // one rank
+        return;
+      team_.each(
+          [&](const Share& share)
           {
-            const index_t end = std::min((n / element_block + 1) * element_block, share.node_end);
-            update_nodal_volumes(mesh_, n, end, nodes_);
-            take(n, end);
-            n = end;
-          }
-        else
+            const auto take = state_of(share);
+            for (index_t n = std::max(share.node_begin, n_layer_), end = 0; n < share.node_end; n = end)
+            {
+              const index_t block = n / element_block;
+              end = std::min((block + 1) * element_block, share.node_end);
+              if (!turns_.empty() && turns_[static_cast<std::size_t>(block)] != turn)
+                continue;
+              update_nodal_volumes(mesh_, n, end, nodes_);
+              take(n, end);
+            }
+          });
+    };
+    update_blocks(Turn::first);
+    if (!has_interface())
+      halo_.finish(nodes_.x);
+    update_blocks(Turn::at_cut);
+    halo_.start(sums_.record, nodes_.m);
+    update_blocks(Turn::last);
+    halo_.finish(sums_.record, nodes_.m);
+  }
+  else
+  {
+    team_.each(
+        [&](const Share& share)
+        {
           sweep(
               mesh_, share, has_interface(), e_layer_, n_layer_,
               [&](const index_t* list, index_t begin, index_t end)
               { add_element_volumes(mesh_, list, begin, end, share, nodes_); },
-              take);
-        bad_[team_.number(share)] = bad;
-      });
+              state_of(share));
+        });
+    halo_.update(sums_.record, nodes_.m);
+  }
   check_state(*std::max_element(bad_.begin(), bad_.end()));
-  halo_.update(sums_.record, nodes_.m);
 
   // Where nothing else acts on single nodes, their acceleration is used while it is in the cache.
   const bool plain = config_.body_force.empty() && constrained_.empty() && impedance_.empty() &&

@@ -332,6 +332,15 @@ private:
   ElementSums<dim> sums_;
   Team team_;
   Halo halo_;
+  /// When, in the plane, the state of a block of nodes is found: while positions of ghosts travel, when they
+  /// are here (blocks with nodes that other ranks have copies of), or while records of ghosts travel.
+  enum class Turn : std::uint8_t
+  {
+    first,
+    at_cut,
+    last
+  };
+  std::vector<Turn> turns_;                  ///< of each block of nodes; on one rank none
   Halo layer_halo_;                          ///< of it the nodes that forces on wet nodes come from
   bool collected_ = true;                    ///< rows of other ranks are right
   std::vector<std::array<double, 2>> moves_; ///< step [s] and speed of the fastest node of this rank [m/s],

@@ -156,6 +156,13 @@ void Fluid<dim>::find_ghosts()
       std::sort(list.begin(), list.end());
       list.erase(std::unique(list.begin(), list.end()), list.end());
     }
+  // A node beside a ghost is a ghost itself, on the ghost's rank.
+  turns_.assign(static_cast<std::size_t>(nodes_.size() / element_block) + 1, Turn::first);
+  std::fill(turns_.begin() + (team_.node_begin() + team_.node_end()) / 2 / element_block, turns_.end(),
+            Turn::last);
+  for (const auto& list : send)
+    for (const index_t n : list)
+      turns_[static_cast<std::size_t>(n / element_block)] = Turn::at_cut;
   // What the ranks that have nodes of the interface pass to each other before the rest is computed.
   auto layer_send = send, layer_receive = receive;
   for (auto* lists : {&layer_send, &layer_receive})
