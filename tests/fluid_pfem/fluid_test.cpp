@@ -156,8 +156,7 @@ TEMPLATE_TEST_CASE_SIG("a hydrostatic column at rest stays at rest", "[fluid][ve
   CHECK(error < 1e-3 * 1000.0 * 9.81);
 }
 
-// The bound is rigorous: the true highest frequency, found by power iteration on A = M⁻¹ B diag(ρc²/V) Bᵀ, is
-// below it. The ratio says how much time step it gives away.
+// Truth: rest of a barotropic fluid in closed form, to round-off.
 TEMPLATE_TEST_CASE_SIG("each of two pools begins with the pressure of its own depth", "[fluid][unit]",
                        ((int dim), dim), 2, 3)
 {
@@ -177,7 +176,6 @@ TEMPLATE_TEST_CASE_SIG("each of two pools begins with the pressure of its own de
     const bool deep = x[0] < 0.525;
     const auto n = static_cast<std::size_t>(&x - fluid.nodes().x.data());
     ++met[deep];
-    // Rest of a barotropic fluid in closed form, to round-off.
     CHECK(fluid.nodes().rho[n] ==
           Approx(config.tait.hydrostatic_density(9.81 * ((deep ? 1.0 : 0.4) - x[1]))).epsilon(1e-14));
   }
@@ -185,6 +183,8 @@ TEMPLATE_TEST_CASE_SIG("each of two pools begins with the pressure of its own de
   CHECK(met[1] > 50);
 }
 
+// The bound is rigorous: the true highest frequency, found by power iteration on A = M⁻¹ B diag(ρc²/V) Bᵀ, is
+// below it. The ratio says how much time step it gives away.
 TEMPLATE_TEST_CASE_SIG("the critical step is below the true limit, and not by much", "[fluid][unit]",
                        ((int dim), dim), 2, 3)
 {

@@ -579,16 +579,28 @@ TEMPLATE_TEST_CASE_SIG("merging and splitting keep mass, momentum and angular mo
   CHECK(after.kinetic < (1.0 + 1e-12) * before.kinetic);
 }
 
-TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's nearer node")
+namespace
 {
-  link::SurfaceMesh square; // [0, 1]², the body on the left of its faces
+
+/// A solid that covers [0, 1]².
+SolidSurface<2> unit_square()
+{
+  link::SurfaceMesh square;
   square.dim = 2;
   square.node_id = {0, 1, 2, 3};
   square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
-  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
+  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0}; // the body on the left of its faces
   square.face_offset = {0, 2, 4, 6, 8};
   SolidSurface<2> solid;
   solid.show(square, 0.0);
+  return solid;
+}
+
+} // namespace
+
+TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's nearer node")
+{
+  const SolidSurface<2> solid = unit_square();
   const std::vector<Facet<2>> facet{
       {0, 1}};        // from the bottom to the left side, the water below and left of it
   double speed = 0.9; // of 1 m/s, at which rho v^2 = p
@@ -614,14 +626,7 @@ TEST_CASE("A sharp corner that a facet of the water cuts off gets the facet's ne
 
 TEST_CASE("A triangle that does not meet the surface is blocked where its centroid is inside the solid")
 {
-  link::SurfaceMesh square; // [0, 1]²
-  square.dim = 2;
-  square.node_id = {0, 1, 2, 3};
-  square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
-  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
-  square.face_offset = {0, 2, 4, 6, 8};
-  SolidSurface<2> solid;
-  solid.show(square, 0.0);
+  const SolidSurface<2> solid = unit_square();
   const auto distance = [](const Vec<2>& x) // signed, negative inside
   {
     const double dx = std::abs(x[0] - 0.5) - 0.5, dy = std::abs(x[1] - 0.5) - 0.5;
@@ -659,14 +664,7 @@ TEST_CASE("A triangle that does not meet the surface is blocked where its centro
 
 TEST_CASE("A long edge past a corner of the solid gets no node where it would lie deep inside")
 {
-  link::SurfaceMesh square; // [0, 1]²
-  square.dim = 2;
-  square.node_id = {0, 1, 2, 3};
-  square.x = {0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0};
-  square.face_nodes = {0, 1, 1, 2, 2, 3, 3, 0};
-  square.face_offset = {0, 2, 4, 6, 8};
-  SolidSurface<2> solid;
-  solid.show(square, 0.0);
+  const SolidSurface<2> solid = unit_square();
   CHECK(solid.depth({{0.03, 0.5}}, 0.1) == Approx(0.03));
   CHECK(solid.depth({{0.3, 0.5}}, 0.1) == 0.0); // deeper than it looks
   CHECK(solid.depth({{-0.03, 0.5}}, 0.1) == 0.0);

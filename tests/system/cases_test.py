@@ -88,8 +88,10 @@ class Cases(programs.SystemTest):
 
     def test_two_gates_move_as_one_and_its_mirror_image(self):
         """Two solid programs, mirror images of each other, and so is the fluid's lattice (seeding = "mirrored": 24 columns of nodes at 10 over half the
-        width, 12 on each side as in the tank of the single gate). The two differ by round-off until remeshing decides differently, and by how much is then round-off's
-        choice: the median of three runs whose gravity differs in the thirteenth digit, 1 %. A plane of symmetry is water, the wall of the single gate has nodes
+        width, 12 on each side as in the tank of the single gate). The two differ by round-off, which remeshing makes grow tenfold in some 4 ms: from 1e-13 at
+        2 ms to 2e-6 of the largest displacement at 30 ms in six runs; an asymmetry of the method would be there at once: 1e-4 until then, in each run. By how much
+        they differ at 80 ms is round-off's choice (0.03 to 1.07 %): the median of three runs whose gravity differs in the thirteenth digit, 1 %. A plane of symmetry
+        is water, the wall of the single gate has nodes
         of its own: 10 %, half of the single gate's mesh error of 21 % at 10 nodes."""
         apart = {"u_x[m]": [], "u_y[m]": []}
         for g in (9.81 * (1.0 + k * 1e-13) for k in range(3)):
@@ -99,7 +101,9 @@ class Cases(programs.SystemTest):
             left, right = (compare.read_csv(self.out / "history" / f"{name}_tip.csv") for name in ("left", "right"))
             for column, factor in (("u_x[m]", -1.0), ("u_y[m]", 1.0)):
                 mirrored = factor * np.interp(right["t[s]"], left["t[s]"], left[column])
-                apart[column].append(np.max(np.abs(mirrored - right[column])) / np.max(np.abs(right[column])))
+                difference = np.abs(mirrored - right[column]) / np.max(np.abs(right[column]))
+                self.assertLess(np.max(difference[right["t[s]"] <= 0.03]), 1e-4, column)
+                apart[column].append(np.max(difference))
         for column, values in apart.items():
             self.assertLess(np.median(values), 0.01, (column, values))
         self.run_case("elastic_gate", "--set", "run.resolution=10", "--until", "0.08")
