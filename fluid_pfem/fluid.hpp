@@ -67,15 +67,6 @@ struct FluidMass
   double total() const { return meshed + flying + deleted + outflow - inflow; }
 };
 
-/// Mass that a node received from others in one change, and what it carries.
-template <int dim>
-struct Received
-{
-  double mass = 0.0;   ///< [kg]
-  Vec<dim> momentum{}; ///< [kg m/s]
-  double energy = 0.0; ///< kinetic [J]
-};
-
 /// Nodes of which a rank has the right rows during a remesh.
 struct KnownNodes
 {

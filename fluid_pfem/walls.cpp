@@ -29,18 +29,6 @@ Vec<dim> normal_of(const std::array<Vec<dim>, dim>& corner)
   return n * (1.0 / norm(n));
 }
 
-/// In-plane unit vector out of the piece at its end or edge k.
-template <int dim>
-Vec<dim> outward(const WallPiece<dim>& piece, std::size_t k)
-{
-  Vec<dim> out;
-  if constexpr (dim == 2)
-    out = piece.corner[k] - piece.corner[1 - k];
-  else
-    out = cross(piece.corner[(k + 1) % 3] - piece.corner[k], piece.n);
-  return out * (1.0 / norm(out));
-}
-
 /// The twelve triangles of a box, seen from outside.
 std::vector<std::array<Vec<3>, 3>> box_triangles(const Vec<3>& lower, const Vec<3>& upper)
 {
@@ -104,13 +92,26 @@ bool join(std::vector<WallPiece<dim>>& pieces, const std::function<bool(int, int
 } // namespace
 
 template <int dim>
+void WallPiece<dim>::find_ends()
+{
+  for (std::size_t k = 0; k < dim; ++k)
+  {
+    if constexpr (dim == 2)
+      out[k] = corner[k] - corner[1 - k];
+    else
+      out[k] = cross(corner[(k + 1) % 3] - corner[k], n);
+    out[k] = out[k] * (1.0 / norm(out[k]));
+  }
+}
+
+template <int dim>
 double WallPiece<dim>::overhang(const Vec<dim>& x, bool with_reach) const
 {
   if (plane)
     return std::numeric_limits<double>::lowest();
   double furthest = std::numeric_limits<double>::lowest();
   for (std::size_t k = 0; k < dim; ++k)
-    furthest = std::max(furthest, dot(x - corner[k], outward(*this, k)) - (with_reach ? reach[k] : 0.0));
+    furthest = std::max(furthest, dot(x - corner[k], out[k]) - (with_reach ? reach[k] : 0.0));
   return furthest;
 }
 
@@ -137,7 +138,10 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
   {
     const WallGeometry& g = geometry[w];
     const auto add = [&](const std::array<Vec<dim>, dim>& corner)
-    { reference_.push_back({.corner = corner, .n = normal_of<dim>(corner), .wall = static_cast<int>(w)}); };
+    {
+      reference_.push_back({.corner = corner, .n = normal_of<dim>(corner), .wall = static_cast<int>(w)});
+      reference_.back().find_ends();
+    };
     if (g.plane)
     {
       WallPiece<dim> piece{.wall = static_cast<int>(w), .plane = true};
@@ -319,6 +323,8 @@ void Walls<dim>::move_to(double t)
       fastest = std::max(fastest, norm(pieces_[k].corner[c] - before_[k].corner[c]));
     }
     pieces_[k].n = turn(reference_[k].n);
+    if (!reference_[k].plane)
+      pieces_[k].find_ends();
   }
   wall_moved_ += fastest;
 }
@@ -375,8 +381,10 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
       for (std::size_t c = begin; c < end; ++c)
       {
         const auto piece = static_cast<std::size_t>(candidates_[c].piece);
-        const double d = pieces_[piece].distance(x_end), d_begin = before_[piece].distance(x[n]);
-        const double allowed = std::min(0.0, d_begin);
+        const double d = pieces_[piece].distance(x_end);
+        if (d >= 0.0)
+          continue;
+        const double d_begin = before_[piece].distance(x[n]), allowed = std::min(0.0, d_begin);
         if (d >= allowed - 1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
             d_begin < -0.25 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall

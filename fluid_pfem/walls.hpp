@@ -77,7 +77,10 @@ struct WallPiece
   std::array<double, dim> reach{}; ///< how far it extends past its end (2-D: at corner k) or edge (3-D:
                                    ///< corner k to the next): past a concave one so that nothing slips
                                    ///< between two pieces, not past a convex one [m]
+  std::array<Vec<dim>, dim> out{}; ///< unit, in its plane: out of it at corner k (2-D) or edge k (3-D)
 
+  /// Set `out` of what is no plane, from corners and n.
+  void find_ends();
   /// Signed distance to the plane of the piece, positive on the fluid's side [m].
   double distance(const Vec<dim>& x) const { return dot(x - corner[0], n); }
   /// How far the projection of x lies outside the piece, its reach included or not; negative inside [m].

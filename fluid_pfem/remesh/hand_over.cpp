@@ -1,6 +1,8 @@
 // Where particle mass goes when a remesh moves volume from node to node.
 #include "fluid_pfem/fluid.hpp"
 
+#include "common/lanes.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -21,6 +23,15 @@ double part_of_the_way(double rise, double linear, double square)
                                             : 1.0;
 }
 
+/// Mass that a node, or eight, received from others in one change, and what it carries.
+template <int dim, class Real = double>
+struct Received
+{
+  Real mass{};               ///< [kg]
+  Vec<dim, Real> momentum{}; ///< [kg m/s]
+  Real energy{};             ///< kinetic [J]
+};
+
 /// Of a node that received mass and now has M: as far towards the common velocity as the kinetic energy of
 /// both parts asks for.
 template <int dim>
@@ -33,32 +44,94 @@ Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& re
   return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
 }
 
-/// visit(j, n) for the neighbours j in a fan, each with the number n of elements on the edge to it; in space
-/// one by one. Elements of the plane, chained counter-clockwise, share the edges between them.
-template <int dim, class Visit>
-void for_each_edge(std::span<const FanEntry<dim>> fan, Visit&& visit)
+/// A node when a sweep that spreads the defect of mass begins; in the plane one cache line.
+template <int dim>
+struct alignas(dim == 2 ? 64 : 8) DefectRow
 {
-  if constexpr (dim == 2)
+  double defect = 0.0; ///< M − m [kg]
+  double M = 0.0;      ///< if it has any to give [kg]
+  double share = 0.0;  ///< part that goes along an edge of an element
+  double unused = 0.0;
+  Vec<dim> v; ///< of the half step [m/s]
+};
+
+/// The same of a node, or of eight.
+template <int dim, class Real>
+struct Defect
+{
+  Real defect, M, share;
+  Vec<dim, Real> v;
+};
+
+/// What comes to a node, or to eight, along its edges.
+template <int dim, class Real>
+struct Spread
+{
+  Real dM{};
+  Received<dim, Real> received{};
+
+  /// Along an edge of so many elements.
+  void add(const Defect<dim, Real>& here, const Defect<dim, Real>& there, const Real& elements)
   {
-    if (fan.empty())
-      return;
-    const bool closed = fan.back().opposite[1] == fan.front().opposite[0];
-    index_t before = closed ? fan.back().opposite[1] : -1; // where the last element ends, unless it was seen
-    for (const auto& [element, opposite] : fan)
-    {
-      const bool joined = before == opposite[0];
-      if (before >= 0 && !joined)
-        visit(before, 1.0);
-      visit(opposite[0], joined ? 2.0 : 1.0);
-      before = opposite[1];
-    }
-    if (!closed)
-      visit(before, 1.0);
+    using std::max;
+    using std::min;
+    const Real none(0.0), s = elements * min(here.share, there.share), more = there.defect - here.defect,
+                          in = s * min(max(more, none), there.M), out = s * min(max(-more, none), here.M);
+    dM += in - out;
+    received.mass += in;
+    received.momentum += in * there.v;
+    received.energy += Real(0.5) * in * norm_squared(there.v);
   }
-  else
-    for (const auto& entry : fan)
-      for (const index_t j : entry.opposite)
-        visit(j, 1.0);
+};
+
+/// Eight of them, those of nodes node[l].
+template <class Nodes>
+Defect<2, Lanes> load_defects(const std::vector<DefectRow<2>>& rows, Nodes&& node)
+{
+  const double *row[Lanes::size], *v[Lanes::size];
+  for (int l = 0; l < Lanes::size; ++l)
+  {
+    const DefectRow<2>& at = rows[static_cast<std::size_t>(node(l))];
+    row[l] = &at.defect;
+    v[l] = at.v.c.data();
+  }
+  Lanes column[4];
+  EightRows(row).columns(column);
+  Defect<2, Lanes> defects{.defect = column[0], .M = column[1], .share = column[2], .v = {}};
+  load_pairs(v, defects.v[0], defects.v[1]);
+  return defects;
+}
+
+/// Of the nodes [first, first + 8) of a group, from their rings: a node has one element on the edge to a
+/// neighbour beside which its ring is open, else two.
+Spread<2, Lanes> spread_to_group(const Rings& rings, std::size_t group, index_t first,
+                                 const std::vector<DefectRow<2>>& rows, const Defect<2, Lanes>& here)
+{
+  constexpr std::size_t L = Lanes::size;
+  const std::span<const Rings::Row> ring{rings.row.data() + rings.begin[group],
+                                         rings.row.data() + rings.begin[group + 1]};
+  std::array<int, L> open{}; // somewhere, hence before the first neighbour
+  const auto is_self = [first](const Rings::Row& row, std::size_t l)
+  { return row[l] == 2 * (first + static_cast<index_t>(l)) ? 1 : 0; };
+  for (const Rings::Row& row : ring)
+    for (std::size_t l = 0; l < L; ++l)
+      open[l] |= is_self(row, l);
+  Spread<2, Lanes> spread;
+  for (std::size_t k = 0; k < ring.size(); ++k)
+  {
+    typedef int Ints __attribute__((vector_size(L * sizeof(int))));
+    const Rings::Row &row = ring[k], &next = ring[k + 1 < ring.size() ? k + 1 : 0];
+    Ints elements;
+    for (std::size_t l = 0; l < L; ++l)
+    {
+      const int before = k == 0 ? open[l] : is_self(ring[k - 1], l);
+      elements[l] = k > 0 && row[l] == ring[0][l] ? 0 : 2 - before - is_self(next, l); // 0: has come round
+    }
+    const Defect<2, Lanes> there =
+        load_defects(rows, [&row](int l) { return row[static_cast<std::size_t>(l)] / 2; });
+    spread.add(here, there, Lanes(__builtin_convertvector(elements, Lanes::Numbers)));
+  }
+  return spread;
 }
 
 /// Patches of elements: nodes that share an element belong together.
@@ -424,12 +497,7 @@ template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
-  struct Row // of a node at the begin of a sweep
-  {
-    double defect, M, share; // M if it has any to give; part that goes along an edge of an element
-    Vec<dim> v;
-  };
-  std::vector<Row> rows(nodes_.x.size());
+  std::vector<DefectRow<dim>> rows(nodes_.x.size());
   const auto begin_sweep = [&](const Share& share)
   {
     for (index_t n = share.node_begin; n < share.node_end; ++n)
@@ -440,34 +508,49 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
       rows[i].v = v_half[i];
     }
   };
+  const auto take = [&](std::size_t i, double dM, const Received<dim>& received)
+  {
+    nodes_.M[i] += dM;
+    if (static_cast<index_t>(i) < n_wet_)
+      return;
+    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], rows[i].v, received);
+    v_half[i] += dv;
+    nodes_.v[i] += dv;
+  };
   const auto exchange = [&](const Share& share)
   {
-    for (index_t n = share.node_begin; n < share.node_end; ++n)
-    {
-      const auto i = static_cast<std::size_t>(n);
-      const Row& here = rows[i];
-      double dM = 0.0;
-      Received<dim> received;
-      for_each_edge<dim>(mesh_.fan(n),
-                         [&](index_t j, double elements)
-                         {
-                           const Row& there = rows[static_cast<std::size_t>(j)];
-                           const double s = elements * std::min(here.share, there.share),
-                                        more = there.defect - here.defect,
-                                        in = s * std::min(std::max(more, 0.0), there.M),
-                                        out = s * std::min(std::max(-more, 0.0), here.M);
-                           dM += in - out;
-                           received.mass += in;
-                           received.momentum += in * there.v;
-                           received.energy += 0.5 * in * norm_squared(there.v);
-                         });
-      nodes_.M[i] += dM;
-      if (n < n_wet_)
-        continue;
-      const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], here.v, received);
-      v_half[i] += dv;
-      nodes_.v[i] += dv;
-    }
+    if constexpr (dim == 2)
+      for (index_t n = share.node_begin; n < share.node_end;)
+      {
+        const auto group = static_cast<std::size_t>((n - mesh_.first_with_fan) / Lanes::size);
+        const index_t first = mesh_.first_with_fan + static_cast<index_t>(group) * Lanes::size,
+                      end = std::min({first + Lanes::size, share.node_end, mesh_.end_with_fan()});
+        const Spread<2, Lanes> spread =
+            spread_to_group(mesh_.rings, group, first, rows,
+                            load_defects(rows, [&](int l) { return std::min(first + l, end - 1); }));
+        for (; n < end; ++n)
+        {
+          const int l = n - first;
+          take(static_cast<std::size_t>(n), spread.dM[l],
+               {spread.received.mass[l],
+                {{spread.received.momentum[0][l], spread.received.momentum[1][l]}},
+                spread.received.energy[l]});
+        }
+      }
+    else
+      for (index_t n = share.node_begin; n < share.node_end; ++n)
+      {
+        const auto defect = [&rows](index_t j) -> Defect<dim, double>
+        {
+          const DefectRow<dim>& row = rows[static_cast<std::size_t>(j)];
+          return {row.defect, row.M, row.share, row.v};
+        };
+        Spread<dim, double> spread;
+        for (const auto& entry : mesh_.fan(n))
+          for (const index_t j : entry.opposite)
+            spread.add(defect(n), defect(j), 1.0);
+        take(static_cast<std::size_t>(n), spread.dM, spread.received);
+      }
   };
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
     if (!mesh_.isolated(n))
