@@ -9,7 +9,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <span>
 #include <tuple>
 #include <type_traits>
 
@@ -20,8 +19,7 @@ namespace
 {
 
 /// One closed ring of triangles.
-template <int dim>
-bool inner(std::span<const FanEntry<dim>> fan)
+bool inner(const PlaneFan& fan)
 {
   bool joined = !fan.empty() && fan.back().opposite[1] == fan.front().opposite[0];
   for (std::size_t k = 0; k + 1 < fan.size(); ++k)
@@ -55,7 +53,7 @@ public:
         else
           return nodes.x[static_cast<std::size_t>(n)];
       };
-      if (inner<2>(fan)) // triangles (i, n_k, n_k+1) all around
+      if (inner(fan)) // triangles (i, n_k, n_k+1) all around
       {
         index_t before = fan.back().opposite[0];
         for (const auto& entry : fan)

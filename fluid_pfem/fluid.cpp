@@ -499,16 +499,21 @@ void Fluid<dim>::check_state(index_t bad)
   if (bad < 0 || ++turned_over_ <= looks_away)
     return;
   // The element at the node that is worst: turned over the furthest, or not a number.
-  const auto volume = [&](index_t e)
-  {
-    return signed_volume<dim, double>(
-        corners<dim>(nodes_.x, mesh_.elements[static_cast<std::size_t>(e)], nodes_.period));
-  };
-  index_t worst = mesh_.fan(bad).front().element;
+  const auto volume = [&](const Simplex<dim>& e)
+  { return signed_volume<dim, double>(corners<dim>(nodes_.x, e, nodes_.period)); };
+  Simplex<dim> e{};
+  double least = std::numeric_limits<double>::max();
   for (const auto& entry : mesh_.fan(bad))
-    if (!(volume(entry.element) >= volume(worst)))
-      worst = entry.element;
-  const Simplex<dim>& e = mesh_.elements[static_cast<std::size_t>(worst)];
+  {
+    Simplex<dim> here{bad};
+    std::copy(entry.opposite.begin(), entry.opposite.end(), here.begin() + 1);
+    here = canonical<dim>(here);
+    if (const double V = volume(here); !(V >= least))
+    {
+      e = here;
+      least = V;
+    }
+  }
   Vec<dim> centre{};
   std::vector<global_index_t> ids;
   for (const auto& x : corners<dim>(nodes_.x, e, nodes_.period))
@@ -516,12 +521,13 @@ void Fluid<dim>::check_state(index_t bad)
   for (const index_t n : e)
     ids.push_back(nodes_.id[static_cast<std::size_t>(n)]);
   const auto i = static_cast<std::size_t>(bad);
+  const auto number = std::find(mesh_.elements.begin(), mesh_.elements.end(), e) - mesh_.elements.begin();
   throw NumericalError(fmt::format(
       "fluid step {}, t = {:.9g} s: element {} (nodes {}) at {} m has the volume {:.3g} m^{}, node {} "
       "{:.3g} m^{}: elements have been turned over for {} steps, remeshing did not help (velocity {} m/s, "
       "pressure {:.4g} Pa). A smaller fluid.step_safety or an earlier remesh may",
-      steps_ + 1, t_, worst, fmt::join(ids, " "), text(centre), volume(worst), dim, nodes_.id[i], nodes_.V[i],
-      dim, turned_over_, text(nodes_.v[i]), nodes_.p[i]));
+      steps_ + 1, t_, number, fmt::join(ids, " "), text(centre), least, dim, nodes_.id[i], nodes_.V[i], dim,
+      turned_over_, text(nodes_.v[i]), nodes_.p[i]));
 }
 
 // ------------------------------------------------------------------------------------------------------

@@ -37,6 +37,13 @@ Facet<dim> facet_opposite(const Simplex<dim>& nodes, int a)
   return facet;
 }
 
+template <int dim>
+std::span<const FanEntry<dim>> stored_fan(const FluidMesh<dim>& mesh, index_t n)
+{
+  const auto k = static_cast<std::size_t>(n - mesh.first_with_fan);
+  return {mesh.fans.data() + mesh.fan_begin[k], mesh.fans.data() + mesh.fan_begin[k + 1]};
+}
+
 /// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as
 /// that is possible.
 void chain(std::span<FanEntry<2>> fan)
@@ -61,6 +68,7 @@ void chain(std::span<FanEntry<2>> fan)
       }
 }
 
+/// Of a mesh whose fans are chained.
 void find_rings(FluidMesh<2>& mesh)
 {
   const auto n_nodes = static_cast<std::size_t>(mesh.end_with_fan() - mesh.first_with_fan);
@@ -68,7 +76,7 @@ void find_rings(FluidMesh<2>& mesh)
   const auto each_neighbour = [&mesh](std::size_t k, auto&& visit)
   {
     const index_t n = mesh.first_with_fan + static_cast<index_t>(k);
-    const auto fan = mesh.fan(n);
+    const auto fan = stored_fan(mesh, n);
     for (std::size_t f = 0; f < fan.size(); ++f)
     {
       visit(fan[f].opposite[0]);
@@ -114,7 +122,7 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, i
   {
     for (index_t n = begin; n < end; ++n)
     {
-      const auto fan = mesh.fan(n);
+      const auto fan = stored_fan(mesh, n);
       for (std::size_t k = 0; k < fan.size(); ++k)
       {
         const std::size_t before =
@@ -139,7 +147,8 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, i
     for (index_t n = begin; n < end; ++n)
       for (const auto& entry : mesh.fan(n))
       {
-        const auto& nodes = mesh.elements[static_cast<std::size_t>(entry.element)];
+        const Simplex<dim> nodes =
+            canonical<dim>({n, entry.opposite[0], entry.opposite[1], entry.opposite[2]});
         for (int a = 0; a <= dim; ++a)
         {
           const Facet<dim> facet = facet_opposite<dim>(nodes, a);
@@ -270,7 +279,7 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
       [&](index_t e, int a, std::size_t k)
       {
         mesh.fans[static_cast<std::size_t>(next[k]++)] = {
-            .element = e, .opposite = facet_opposite<dim>(mesh.elements[static_cast<std::size_t>(e)], a)};
+            facet_opposite<dim>(mesh.elements[static_cast<std::size_t>(e)], a)};
       });
   if constexpr (dim == 2)
   {
@@ -279,6 +288,8 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
     find_rings(mesh);
   }
   mesh.boundary = boundary_of(mesh, begin, end);
+  if constexpr (dim == 2)
+    mesh.fans = std::vector<FanEntry<dim>>();
 }
 
 template <int dim>

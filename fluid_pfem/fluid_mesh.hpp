@@ -37,8 +37,31 @@ std::array<Vec<dim>, dim + 1> corners(std::span<const Vec<dim>> x, const Simplex
 template <int dim>
 struct FanEntry
 {
-  index_t element;
   std::array<index_t, dim> opposite;
+};
+
+/// The elements around a node, counter-clockwise, in the plane: made of its ring when it is asked for.
+class PlaneFan
+{
+public:
+  explicit PlaneFan(std::size_t size) : size_(size)
+  {
+    if (size > few_.size())
+      many_.resize(size);
+  }
+  FanEntry<2>* begin() { return many_.empty() ? few_.data() : many_.data(); }
+  const FanEntry<2>* begin() const { return many_.empty() ? few_.data() : many_.data(); }
+  const FanEntry<2>* end() const { return begin() + size_; }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  const FanEntry<2>& operator[](std::size_t k) const { return begin()[k]; }
+  const FanEntry<2>& front() const { return *begin(); }
+  const FanEntry<2>& back() const { return *(end() - 1); }
+
+private:
+  std::size_t size_;
+  std::array<FanEntry<2>, 12> few_;
+  std::vector<FanEntry<2>> many_; ///< if it has more
 };
 
 /// In the plane: the neighbours around every node with a fan, counter-clockwise, eight nodes side by side. A
@@ -51,6 +74,22 @@ struct Rings
   std::vector<index_t> begin; ///< first row of each group of eight nodes, and the end
   std::vector<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
                         ///< ring has no more, its first again
+
+  /// Of node n, number k among those with rings, at so many elements.
+  PlaneFan fan(index_t n, std::size_t k, index_t elements) const
+  {
+    PlaneFan fan(static_cast<std::size_t>(elements));
+    const std::size_t group = k / Lanes::size, lane = k % Lanes::size;
+    const Row *first = row.data() + begin[group], *end = row.data() + begin[group + 1];
+    FanEntry<2>* to = fan.begin();
+    for (const Row* at = first; to != fan.end(); ++at)
+    {
+      const index_t from = (*at)[lane] / 2, next = (*(at + 1 == end ? first : at + 1))[lane] / 2;
+      if (from != n && next != n)
+        *to++ = {{from, next}};
+    }
+    return fan;
+  }
 };
 
 template <int dim>
@@ -60,17 +99,25 @@ struct FluidMesh
       elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
   std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
   std::vector<index_t> fan_begin;   ///< of each node with a fan, and the end
-  std::vector<FanEntry<dim>> fans;  ///< in the plane counter-clockwise around each node
+  std::vector<FanEntry<dim>> fans;  ///< in space; in the plane there are rings instead
   Rings rings;                      ///< in the plane, of the nodes with a fan
   index_t first_with_fan = 0;       ///< of the nodes whose fans are here: those that find_fans was asked for
 
   // Of a node with a fan.
-  std::span<const FanEntry<dim>> fan(index_t n) const
+  /// In the plane a PlaneFan, in space a span of `fans`.
+  auto fan(index_t n) const
   {
     const auto k = static_cast<std::size_t>(n - first_with_fan);
-    return {fans.data() + fan_begin[k], fans.data() + fan_begin[k + 1]};
+    if constexpr (dim == 2)
+      return rings.fan(n, k, n_elements_at(n));
+    else
+      return std::span<const FanEntry<dim>>{fans.data() + fan_begin[k], fans.data() + fan_begin[k + 1]};
   }
-  index_t n_elements_at(index_t n) const { return static_cast<index_t>(fan(n).size()); }
+  index_t n_elements_at(index_t n) const
+  {
+    const auto k = static_cast<std::size_t>(n - first_with_fan);
+    return fan_begin[k + 1] - fan_begin[k];
+  }
   index_t end_with_fan() const { return first_with_fan + static_cast<index_t>(fan_begin.size()) - 1; }
   bool isolated(index_t n) const { return n_elements_at(n) == 0; }
   index_t n_elements() const { return static_cast<index_t>(elements.size()); }

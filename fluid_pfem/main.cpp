@@ -2,6 +2,7 @@
 #include "common/io/log.hpp"
 #include "common/io/summary.hpp"
 #include "common/parallel/time_split.hpp"
+#include "common/program/large_arrays.hpp"
 #include "common/program/program.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/fluid_config.hpp"
@@ -142,4 +143,8 @@ ExitCode start(Launch& launch)
 
 } // namespace
 
-int main(int argc, char** argv) { return undine::run_program("fluid", argc, argv, start); }
+int main(int argc, char** argv)
+{
+  undine::return_large_arrays();
+  return undine::run_program("fluid", argc, argv, start);
+}

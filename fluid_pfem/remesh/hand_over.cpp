@@ -44,15 +44,13 @@ Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& re
   return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
 }
 
-/// A node when a sweep that spreads the defect of mass begins; in the plane one cache line.
-template <int dim>
-struct alignas(dim == 2 ? 64 : 8) DefectRow
+/// A node when a sweep that spreads the defect of mass begins, in the place of its record of the step.
+struct DefectRow
 {
-  double defect = 0.0; ///< M − m [kg]
-  double M = 0.0;      ///< if it has any to give [kg]
-  double share = 0.0;  ///< part that goes along an edge of an element
-  double unused = 0.0;
-  Vec<dim> v; ///< of the half step [m/s]
+  static constexpr int defect = 0, ///< M − m [kg]
+      M = 1,                       ///< if it has any to give [kg]
+      share = 2,                   ///< part that goes along an edge of an element
+      v = 4;                       ///< of the half step [m/s]
 };
 
 /// The same of a node, or of eight.
@@ -62,6 +60,17 @@ struct Defect
   Real defect, M, share;
   Vec<dim, Real> v;
 };
+
+template <int dim>
+Defect<dim, double> defect_of(const NodeRecord<dim>& row)
+{
+  Defect<dim, double> d{.defect = row.c[DefectRow::defect],
+                        .M = row.c[DefectRow::M],
+                        .share = row.c[DefectRow::share],
+                        .v = {}};
+  std::copy_n(row.c.begin() + DefectRow::v, dim, d.v.c.begin());
+  return d;
+}
 
 /// What comes to a node, or to eight, along its edges.
 template <int dim, class Real>
@@ -86,18 +95,20 @@ struct Spread
 
 /// Eight of them, those of nodes node[l].
 template <class Nodes>
-Defect<2, Lanes> load_defects(const std::vector<DefectRow<2>>& rows, Nodes&& node)
+Defect<2, Lanes> load_defects(const std::vector<NodeRecord<2>>& rows, Nodes&& node)
 {
   const double *row[Lanes::size], *v[Lanes::size];
   for (int l = 0; l < Lanes::size; ++l)
   {
-    const DefectRow<2>& at = rows[static_cast<std::size_t>(node(l))];
-    row[l] = &at.defect;
-    v[l] = at.v.c.data();
+    row[l] = rows[static_cast<std::size_t>(node(l))].c.data();
+    v[l] = row[l] + DefectRow::v;
   }
   Lanes column[4];
   EightRows(row).columns(column);
-  Defect<2, Lanes> defects{.defect = column[0], .M = column[1], .share = column[2], .v = {}};
+  Defect<2, Lanes> defects{.defect = column[DefectRow::defect],
+                           .M = column[DefectRow::M],
+                           .share = column[DefectRow::share],
+                           .v = {}};
   load_pairs(v, defects.v[0], defects.v[1]);
   return defects;
 }
@@ -105,7 +116,7 @@ Defect<2, Lanes> load_defects(const std::vector<DefectRow<2>>& rows, Nodes&& nod
 /// Of the nodes [first, first + 8) of a group, from their rings: a node has one element on the edge to a
 /// neighbour beside which its ring is open, else two.
 Spread<2, Lanes> spread_to_group(const Rings& rings, std::size_t group, index_t first,
-                                 const std::vector<DefectRow<2>>& rows, const Defect<2, Lanes>& here)
+                                 const std::vector<NodeRecord<2>>& rows, const Defect<2, Lanes>& here)
 {
   constexpr std::size_t L = Lanes::size;
   const std::span<const Rings::Row> ring{rings.row.data() + rings.begin[group],
@@ -497,15 +508,16 @@ template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
-  std::vector<DefectRow<dim>> rows(nodes_.x.size());
+  std::vector<NodeRecord<dim>>& rows = sums_.record;
   const auto begin_sweep = [&](const Share& share)
   {
     for (index_t n = share.node_begin; n < share.node_end; ++n)
     {
       const auto i = static_cast<std::size_t>(n);
-      rows[i].defect = nodes_.M[i] - nodes_.m[i];
-      rows[i].M = std::max(nodes_.M[i], 0.0);
-      rows[i].v = v_half[i];
+      auto& row = rows[i].c;
+      row[DefectRow::defect] = nodes_.M[i] - nodes_.m[i];
+      row[DefectRow::M] = std::max(nodes_.M[i], 0.0);
+      std::copy(v_half[i].c.begin(), v_half[i].c.end(), row.begin() + DefectRow::v);
     }
   };
   const auto take = [&](std::size_t i, double dM, const Received<dim>& received)
@@ -513,7 +525,7 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     nodes_.M[i] += dM;
     if (static_cast<index_t>(i) < n_wet_)
       return;
-    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], rows[i].v, received);
+    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], defect_of<dim>(rows[i]).v, received);
     v_half[i] += dv;
     nodes_.v[i] += dv;
   };
@@ -540,11 +552,7 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     else
       for (index_t n = share.node_begin; n < share.node_end; ++n)
       {
-        const auto defect = [&rows](index_t j) -> Defect<dim, double>
-        {
-          const DefectRow<dim>& row = rows[static_cast<std::size_t>(j)];
-          return {row.defect, row.M, row.share, row.v};
-        };
+        const auto defect = [&rows](index_t j) { return defect_of<dim>(rows[static_cast<std::size_t>(j)]); };
         Spread<dim, double> spread;
         for (const auto& entry : mesh_.fan(n))
           for (const index_t j : entry.opposite)
@@ -553,8 +561,8 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
       }
   };
   for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
-    if (!mesh_.isolated(n))
-      rows[static_cast<std::size_t>(n)].share = 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
+    rows[static_cast<std::size_t>(n)].c[DefectRow::share] =
+        mesh_.isolated(n) ? 0.0 : 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
   for (int sweep = 0; sweep < sweeps; ++sweep)
   {
     team_.each(begin_sweep);

@@ -4,6 +4,7 @@
 //
 // prints one JSON object: nanoseconds of CPU time per node and step (`wall`: of the clock on the wall),
 // memory, STREAM triad of the same process.
+#include "common/program/large_arrays.hpp"
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
@@ -81,6 +82,7 @@ struct Clock
 
 int main(int argc, char** argv)
 {
+  return_large_arrays();
   const int n = argc > 1 ? std::atoi(argv[1]) : 22;
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
   const double T_end = argc > 2 ? std::atof(argv[2]) : 4.0;

@@ -10,6 +10,7 @@
 // "wall_halo_s" and so on are the parts of the time on the wall, the mean of all ranks (none on one rank).
 #include "common/parallel/mpi_ranks.hpp"
 #include "common/parallel/time_split.hpp"
+#include "common/program/large_arrays.hpp"
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "tests/fluid_pfem/fixtures.hpp"
@@ -122,6 +123,7 @@ void measure(FluidConfig config, std::int64_t steps)
 
 int main(int argc, char** argv)
 {
+  return_large_arrays();
   MPI_Init(&argc, &argv);
   const double n = argc > 1 ? std::atof(argv[1]) : 22.0;
   const std::int64_t steps = argc > 2 ? std::atoll(argv[2]) : 200;
