@@ -221,22 +221,23 @@ void Fluid<dim>::predict_position(double dt)
       });
   halo_.start(nodes_.x);
   const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));
+  const Move move{.dt = dt, .speed = speed, .of_solid = solid_.empty() ? 0.0 : solid_.speed()};
   if (ranks().alone())
-    move_on(dt, speed);
+    move_on(move);
   else
-    moves_.push_back({dt, speed});
+    moves_.push_back(move);
   if (!contact_.empty() && contact_.candidates_expired(dt * speed))
     contact_.find_candidates(nodes_.x, team_.node_begin(), team_.node_end(), config_.element_size);
   dt_before_ = dt;
 }
 
-/// The fastest node of all has moved at `speed` for `dt`.
+/// @param move with the speed of the fastest node of all ranks
 template <int dim>
-void Fluid<dim>::move_on(double dt, double speed)
+void Fluid<dim>::move_on(const Move& move)
 {
-  travelled_ += dt * speed;
+  travelled_ += move.dt * move.speed;
   if (!solid_.empty())
-    travel_ += dt * (speed + 2.0 * solid_.speed());
+    travel_ += move.dt * (move.speed + 2.0 * move.of_solid);
 }
 
 /// @returns a node whose elements have turned over, or −1

@@ -217,11 +217,20 @@ private:
   static constexpr double contact_reach = 2.0;
   /// So near to a wall a node is on it, in units of the spacing.
   static constexpr double on_wall_within = 0.02;
+  /// So deep in the solid a node is put on its surface in a remesh, in units of the spacing.
+  static constexpr double brought_out = 0.3;
+
+  struct Move
+  {
+    double dt;       ///< [s]
+    double speed;    ///< of the fastest node [m/s]
+    double of_solid; ///< speed of its fastest node when it was shown last [m/s]
+  };
+  void move_on(const Move& move);
 
   bool mesh_is_bad();
   bool any_rank(bool yes);
   void agree();
-  void move_on(double dt, double speed);
   void find_ghosts();
   void cool();
   /// This rank has wet nodes, or neighbours of some.
@@ -243,6 +252,9 @@ private:
   void follow_changes(const SpacingReport& spacing, KnownNodes& known) const;
   void pass_rows(std::span<const index_t> held, std::vector<char>& moved);
   std::vector<Simplex<dim>> triangulation(std::span<const char> mine, const KnownNodes& known);
+  void leave_room_for_solid(std::span<const char> mine, std::vector<Simplex<dim>>& simplices);
+  void cling_to_solid();
+  void renew_order();
   std::vector<char> part_of_rank(const SpacingReport& spacing) const;
   std::vector<Simplex<dim>> part_of_all(std::vector<Simplex<dim>> simplices) const;
   void finish_mesh();
@@ -254,9 +266,9 @@ private:
   void measure_quality();
   void choose_slow_axis();
   bool rows_are_due() const { return ledger_.remeshes % 25 == 0; } ///< all are made anew in this remesh
-  std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
   std::int64_t row_of(const Vec<dim>& x) const;
-  std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements);
+  std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
   void flag_nodes();
   std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements, std::span<const char> mine);
   std::vector<char> moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
@@ -331,14 +343,13 @@ private:
     at_cut,
     last
   };
-  std::vector<Turn> turns_;                  ///< of each block of nodes; on one rank none
-  Halo layer_halo_;                          ///< of it the nodes that forces on wet nodes come from
-  bool collected_ = true;                    ///< rows of other ranks are right
-  std::vector<std::array<double, 2>> moves_; ///< step [s] and speed of the fastest node of this rank [m/s],
-                                             ///< since the ranks last agreed
-  std::vector<Simplex<dim>> own_gaps_;       ///< that this rank watches, if there are several
-  std::vector<double> fastest_;              ///< squared speed of the fastest node of each share [m²/s²]
-  std::vector<index_t> bad_; ///< a node of each share whose elements have turned over, or −1
+  std::vector<Turn> turns_;            ///< of each block of nodes; on one rank none
+  Halo layer_halo_;                    ///< of it the nodes that forces on wet nodes come from
+  bool collected_ = true;              ///< rows of other ranks are right
+  std::vector<Move> moves_;            ///< of the nodes of this rank, since the ranks last agreed
+  std::vector<Simplex<dim>> own_gaps_; ///< that this rank watches, if there are several
+  std::vector<double> fastest_;        ///< squared speed of the fastest node of each share [m²/s²]
+  std::vector<index_t> bad_;           ///< a node of each share whose elements have turned over, or −1
   mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
   std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]

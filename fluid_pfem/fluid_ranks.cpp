@@ -1,5 +1,6 @@
 // The fluid's part among several ranks: ghosts, what all agree on, and the whole state.
 #include "fluid_pfem/fluid.hpp"
+#include "fluid_pfem/remesh/beside_solid.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -192,11 +193,14 @@ bool Fluid<dim>::any_rank(bool yes)
   if (ranks().alone())
     return yes;
   std::vector<double> values{yes ? 1.0 : 0.0};
-  for (const auto& [dt, speed] : moves_)
-    values.push_back(speed);
+  for (const Move& move : moves_)
+    values.push_back(move.speed);
   ranks().max(values);
   for (std::size_t k = 0; k < moves_.size(); ++k)
-    move_on(moves_[k][0], values[k + 1]);
+  {
+    moves_[k].speed = values[k + 1];
+    move_on(moves_[k]);
+  }
   moves_.clear();
   return values[0] > 0.0;
 }
@@ -210,15 +214,15 @@ void Fluid<dim>::agree()
 }
 
 /// Positions, velocities and flags of nodes of other ranks come here, as far as they lie within reach of what
-/// this rank decides in a remesh, with room for what the remesh moves. Where all nodes matter, or all are
-/// given new places in the order, all rows do. Collective.
+/// this rank decides in a remesh, with room for what the remesh moves, across the ends of a period too. Where
+/// all nodes are given new places in the order, all rows come. Collective.
 /// @returns the nodes whose rows are right here: for the others nothing but what all ranks know
 template <int dim>
 KnownNodes Fluid<dim>::look_around()
 {
   if (ranks().alone() || collected_)
     return {};
-  if (nodes_.period.any() || !solid_.empty() || rows_are_due())
+  if (rows_are_due())
   {
     gather_state();
     return {};
@@ -238,6 +242,8 @@ KnownNodes Fluid<dim>::look_around()
       settled = std::max(settled, norm(x[k] - nodes_.x[begin + k]));
     settled = ranks().max(settled);
   }
+  if (!solid_.empty()) // a node that clings to a corner, and then is taken out of the solid
+    settled += (config_.remesh.spacing.merge + brought_out) * coarsest_;
   const double reach = LocalDelaunay<dim>::spare * halo_width() + 2.0 * (coarsest_ + settled);
 
   // Cells of half the reach: what is within reach of a node lies at most two cells off.
@@ -248,12 +254,17 @@ KnownNodes Fluid<dim>::look_around()
     Cell cell;
     std::size_t begin, end;
   };
-  std::vector<Run> runs;
-  for (std::size_t n = begin; n < end; ++n)
+  const auto cell_of = [size](const Vec<dim>& x)
   {
     Cell cell;
     for (std::size_t i = 0; i < dim; ++i)
-      cell[i] = static_cast<std::int64_t>(std::floor(nodes_.x[n].c[i] / size));
+      cell[i] = static_cast<std::int64_t>(std::floor(x.c[i] / size));
+    return cell;
+  };
+  std::vector<Run> runs;
+  for (std::size_t n = begin; n < end; ++n)
+  {
+    const Cell cell = cell_of(nodes_.x[n]);
     if (runs.empty() || runs.back().cell != cell)
       runs.push_back({cell, n, n});
     runs.back().end = n + 1;
@@ -261,10 +272,28 @@ KnownNodes Fluid<dim>::look_around()
   std::vector<Cell> own;
   for (const Run& run : runs)
     own.push_back(run.cell);
-  std::sort(own.begin(), own.end());
-  own.erase(std::unique(own.begin(), own.end()), own.end());
+  const auto sort = [](std::vector<Cell>& list)
+  {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  };
+  sort(own);
+  std::vector<Cell> around = own; // also of images within reach of the period's cell
+  const auto shifts = nodes_.period.shifts();
+  for (std::size_t k = 1; k < shifts.size(); ++k)
+    for (std::size_t n = begin; n < end; ++n)
+    {
+      const Vec<dim> image = nodes_.x[n] + shifts[k], inside = image - nodes_.period.origin();
+      bool near = true;
+      for (int i = 0; i < dim; ++i)
+        if (const double length = nodes_.period.length()[i]; length > 0.0)
+          near = near && inside[i] > -2.0 * reach && inside[i] < length + 2.0 * reach;
+      if (const Cell cell = cell_of(image); near && (around.empty() || around.back() != cell))
+        around.push_back(cell);
+    }
+  sort(around);
   std::vector<std::size_t> counts;
-  const std::vector<Cell> cells = ranks().gather(own, &counts);
+  const std::vector<Cell> cells = ranks().gather(around, &counts);
   Cell lower{}, upper{}; // of the own cells
   for (std::size_t i = 0; i < dim && !own.empty(); ++i)
   {
@@ -327,6 +356,56 @@ KnownNodes Fluid<dim>::look_around()
   }
   known.list = std::move(list);
   return known;
+}
+
+/// Nodes take the places of sharp corners of the solid, on all ranks alike. Collective.
+template <int dim>
+void Fluid<dim>::cling_to_solid()
+{
+  const double merge = config_.remesh.spacing.merge;
+  if (ranks().alone())
+    return cling_to_corners<dim>(solid_, mesh_.boundary, merge, nodes_);
+  // A node that comes to one corner may come near the next: rows of all facets of twice that reach.
+  const auto corners = solid_.convex_corners();
+  const auto is_near = [&](index_t n)
+  {
+    return team_.owns(n) && std::any_of(corners.begin(), corners.end(),
+                                        [&](const auto& corner) {
+                                          return norm(nodes_.x[static_cast<std::size_t>(n)] - corner.x) <=
+                                                 2.01 * merge * coarsest_;
+                                        });
+  };
+  std::vector<index_t> numbers;
+  for (std::size_t f = 0; f < mesh_.boundary.size() && !corners.empty(); ++f)
+    if (std::any_of(mesh_.boundary[f].begin(), mesh_.boundary[f].end(), is_near))
+      numbers.push_back(static_cast<index_t>(f));
+  numbers = ranks().gather(numbers);
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  std::vector<Facet<dim>> facets;
+  std::vector<index_t> ends;
+  for (const index_t f : numbers)
+  {
+    facets.push_back(mesh_.boundary[static_cast<std::size_t>(f)]);
+    ends.insert(ends.end(), facets.back().begin(), facets.back().end());
+  }
+  struct Row
+  {
+    index_t node;
+    Vec<dim> x, v;
+    double h, p, rho;
+  };
+  std::vector<Row> rows;
+  for (const index_t n : ends)
+    if (const auto i = static_cast<std::size_t>(n); team_.owns(n))
+      rows.push_back({n, nodes_.x[i], nodes_.v[i], nodes_.h[i], nodes_.p[i], nodes_.rho[i]});
+  for (const Row& row : ranks().gather(rows))
+  {
+    const auto i = static_cast<std::size_t>(row.node);
+    std::tie(nodes_.x[i], nodes_.v[i], nodes_.h[i], nodes_.p[i], nodes_.rho[i]) =
+        std::tie(row.x, row.v, row.h, row.p, row.rho);
+  }
+  cling_to_corners<dim>(solid_, facets, merge, nodes_);
 }
 
 /// Numbers of known nodes after merges and splits: all that took part are known, and what was made of them.

@@ -4,6 +4,7 @@
 #include "common/tensor.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -16,11 +17,22 @@ namespace undine::fluid
 std::vector<Simplex<2>> delaunay(std::span<const Vec<2>> x);
 std::vector<Simplex<3>> delaunay(std::span<const Vec<3>> x);
 
+/// Some of the points of a periodic space, and how much of the others is needed.
+struct PartOfCell
+{
+  std::span<const char> mine; ///< simplices are asked for whose corner of the lowest number is one of these;
+                              ///< empty: all
+  double reach = std::numeric_limits<double>::infinity(); ///< as far as a circumradius of half of it [m]
+  const std::vector<index_t>* among = nullptr; ///< ascending: only these points have a place; null: all
+  double extent = 0.0; ///< no coordinate of any point is larger than this, or than those of `among` [m]
+};
+
 /// The same in a periodic space, of points in the cell: each simplex once, its corners numbered as the points
 /// that they are images of. Simplices too large to lie in half a cell are left out. The images see exactly
-/// the same neighbours, so that both ends of the cell agree, ties included.
+/// the same neighbours, so that both ends of the cell agree, ties included; and so do several parts.
 template <int dim>
-std::vector<Simplex<dim>> periodic_delaunay(std::span<const Vec<dim>> x, const Period<dim>& period);
+std::vector<Simplex<dim>> periodic_delaunay(std::span<const Vec<dim>> x, const Period<dim>& period,
+                                            const PartOfCell& part = {});
 
 /// Sign of the area of (a, b, c), exact.
 int exact_orientation(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c);

@@ -40,6 +40,16 @@ std::array<Vec<dim>, dim + 1> sorted_corners(const FluidNodes<dim>& nodes, Simpl
   return corners<dim>(nodes.x, e, nodes.period);
 }
 
+/// Of the corners [m].
+template <int dim>
+double least_spacing(const FluidNodes<dim>& nodes, const Simplex<dim>& e)
+{
+  double least = nodes.h[static_cast<std::size_t>(e[0])];
+  for (const index_t n : e)
+    least = std::min(least, nodes.h[static_cast<std::size_t>(n)]);
+  return least;
+}
+
 } // namespace
 
 /// So far around a node the others decide which of its simplices are looked at, whatever their corners want
@@ -51,39 +61,29 @@ double Fluid<dim>::halo_width() const
 }
 
 /// Delaunay simplices, as far as walls and solid leave room for them: all, or those of which a node of `mine`
-/// has the lowest number, up to the circumradius that matters. What fills holes beside a solid, and a
-/// periodic space, need the whole triangulation on every rank.
+/// has the lowest number, up to the circumradius that matters. Collective.
 template <int dim>
 std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine, const KnownNodes& known)
 {
   std::vector<Simplex<dim>> simplices;
   if (nodes_.period.any())
   {
-    simplices = periodic_delaunay<dim>(nodes_.x, nodes_.period);
+    double extent = 0.0;
+    for (std::size_t n = 0; n < mine.size(); ++n)
+      for (int i = 0; i < dim && mine[n]; ++i)
+        extent = std::max(extent, std::abs(nodes_.x[n][i]));
+    simplices = periodic_delaunay<dim>(
+        nodes_.x, nodes_.period,
+        {.mine = mine, .reach = halo_width(), .among = known.among(), .extent = ranks().max(extent)});
     for (auto& e : simplices)
       e = canonical<dim>(e);
   }
   else
   {
-    const auto part = solid_.empty() ? mine : std::span<const char>{};
-    delaunay_.update(nodes_.x, part, halo_width(), part.empty() ? nullptr : known.among());
-    simplices = delaunay_.simplices(part);
+    delaunay_.update(nodes_.x, mine, halo_width(), known.among());
+    simplices = delaunay_.simplices(mine);
   }
-  const auto leave_to_others = [&]
-  {
-    if (!mine.empty())
-      std::erase_if(simplices, [&](const Simplex<dim>& e) { return !mine[static_cast<std::size_t>(e[0])]; });
-  };
-  if (solid_.empty())
-    leave_to_others();
   constexpr double around_corner = 0.1; // of the spacing: what an element may cut off a wall's corner
-  const auto spacing = [&](const Simplex<dim>& e)
-  {
-    double least = nodes_.h[static_cast<std::size_t>(e[0])];
-    for (const index_t n : e)
-      least = std::min(least, nodes_.h[static_cast<std::size_t>(n)]);
-    return least;
-  };
   if (contact_.has_convex())
     std::erase_if(simplices,
                   [&](const Simplex<dim>& e)
@@ -91,26 +91,57 @@ std::vector<Simplex<dim>> Fluid<dim>::triangulation(std::span<const char> mine, 
                     const auto outer = std::count_if(
                         e.begin(), e.end(),
                         [&](index_t n) { return nodes_.flag[static_cast<std::size_t>(n)] & on_boundary; });
-                    return outer >= 2 &&
-                           contact_.blocks(sorted_corners<dim>(nodes_, e), around_corner * spacing(e));
+                    return outer >= 2 && contact_.blocks(sorted_corners<dim>(nodes_, e),
+                                                         around_corner * least_spacing(nodes_, e));
                   });
   if (!solid_.empty())
-  {
-    std::vector<Simplex<dim>> erased;
-    std::erase_if(simplices,
-                  [&](const Simplex<dim>& e)
-                  {
-                    const bool blocked = solid_.blocks(sorted_corners<dim>(nodes_, e), spacing(e));
-                    if (blocked)
-                      erased.push_back(e);
-                    return blocked;
-                  });
-    const auto filled = fill_beside<dim>(solid_, nodes_.x, nodes_.h, erased, config_.remesh.shape.keep);
-    for (const auto& e : filled)
-      simplices.push_back(canonical<dim>(e));
-    leave_to_others();
-  }
+    leave_room_for_solid(mine, simplices);
   return simplices;
+}
+
+/// Elements that the solid blocks go, and holes beside it are filled from their rims. A rim may be long: of
+/// what is blocked and small enough to have been fluid all ranks know all, and do the same. Collective.
+/// @param simplices those of which a node of `mine` has the lowest number; empty: all
+template <int dim>
+void Fluid<dim>::leave_room_for_solid(std::span<const char> mine, std::vector<Simplex<dim>>& simplices)
+{
+  struct Blocked
+  {
+    Simplex<dim> nodes;
+    std::array<Vec<dim>, dim + 1> x;
+    std::array<double, dim + 1> h;
+  };
+  std::vector<Blocked> blocked;
+  std::erase_if(simplices,
+                [&](const Simplex<dim>& e)
+                {
+                  const auto corner = sorted_corners<dim>(nodes_, e);
+                  if (!solid_.blocks(corner, least_spacing(nodes_, e)))
+                    return false;
+                  if (dim == 2 && circumradius<dim>(corner) <= 0.5 * halo_width())
+                  {
+                    Blocked& b = blocked.emplace_back(Blocked{.nodes = e, .x = {}, .h = {}});
+                    for (std::size_t a = 0; a <= dim; ++a)
+                    {
+                      b.x[a] = nodes_.x[static_cast<std::size_t>(e[a])];
+                      b.h[a] = nodes_.h[static_cast<std::size_t>(e[a])];
+                    }
+                  }
+                  return true;
+                });
+  std::vector<Simplex<dim>> erased;
+  for (const Blocked& b : ranks().gather(blocked))
+  {
+    erased.push_back(b.nodes);
+    for (std::size_t a = 0; a <= dim && !ranks().alone(); ++a)
+    {
+      nodes_.x[static_cast<std::size_t>(b.nodes[a])] = b.x[a];
+      nodes_.h[static_cast<std::size_t>(b.nodes[a])] = b.h[a];
+    }
+  }
+  for (const auto& filled : fill_beside<dim>(solid_, nodes_.x, nodes_.h, erased, config_.remesh.shape.keep))
+    if (const auto e = canonical<dim>(filled); mine.empty() || mine[static_cast<std::size_t>(e[0])])
+      simplices.push_back(e);
 }
 
 /// 1 for nodes of this rank; a new node is its first parent's. Empty on one rank.
@@ -170,21 +201,13 @@ void Fluid<dim>::remesh()
     collected_ = ranks().alone();
   }
   cool();
-  if (!bad) // the same elements, but other nodes are near the solid
-  {
-    gather_state();
-    std::vector<Simplex<dim>> elements(own_elements().begin(), own_elements().end());
-    renumber(gaps_, order_nodes(elements));
-    connect_mesh(std::move(elements));
-    finish_mesh();
-    collected_ = ranks().alone();
-    return;
-  }
+  if (!bad)
+    return renew_order();
   check_places();
-  KnownNodes known = look_around();
   if (nodes_.period.any())
     for (auto& x : nodes_.x)
       x = nodes_.period.wrapped(x);
+  KnownNodes known = look_around();
   pass_openings();
   find_half_step_velocity();
   const double before = energy_of_state(ranks().alone(), v_half_).total();
@@ -217,7 +240,7 @@ void Fluid<dim>::remesh()
   for (const auto& ghosts : halo_.received())
     std::for_each(ghosts.begin(), ghosts.end(), keep_place);
   if (!solid_.empty())
-    cling_to_corners<dim>(solid_, mesh_.boundary, config_.remesh.spacing.merge, nodes_);
+    cling_to_solid();
   auto pieces = wall_pieces();
   for (std::size_t n = 0; n < pieces.size(); ++n) // walls may have been reached since the last remesh
   {
@@ -226,7 +249,6 @@ void Fluid<dim>::remesh()
   }
   // A node in the middle of an edge along a curved side, or past a corner, lies inside the solid: so deep it
   // is put on its surface, deeper it is not made.
-  constexpr double brought_out = 0.3; // of the spacing
   const SpacingReport spacing = refine_and_coarsen<dim>(
       nodes_, mesh_, pieces, solid_.empty() ? n_wet_ : 0, // nodes beside a solid come and go
       config_.remesh.spacing, next_id_,
@@ -247,8 +269,12 @@ void Fluid<dim>::remesh()
     known.each(nodes_.size(), [this](index_t n)
                { contact_.settle(std::span(nodes_.x).subspan(static_cast<std::size_t>(n), 1)); });
   if (!solid_.empty())
-    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      nodes_.x[n] = solid_.outside(nodes_.x[n], 0.02 * nodes_.h[n], brought_out * nodes_.h[n]);
+    known.each(nodes_.size(),
+               [this](index_t n)
+               {
+                 const auto i = static_cast<std::size_t>(n);
+                 nodes_.x[i] = solid_.outside(nodes_.x[i], 0.02 * nodes_.h[i], brought_out * nodes_.h[i]);
+               });
   const std::vector<char> mine = part_of_rank(spacing);
   ShapeChoice<dim> choice =
       choose_fluid<dim>(nodes_, pieces, triangulation(mine, known), old_x,
@@ -272,10 +298,15 @@ void Fluid<dim>::remesh()
   for (std::size_t n = 0; n < mine.size(); ++n)
     if (mine[n])
       held.push_back(static_cast<index_t>(n));
-  const auto deleted = delete_isolated_nodes(choice.elements, mine), ordered = order_nodes(choice.elements);
-  for (const auto* new_number : {&deleted, &ordered})
+  const auto renumber_held = [&held](const std::vector<index_t>& new_number)
+  {
     for (index_t& n : held)
-      n = n < 0 || new_number->empty() ? n : (*new_number)[static_cast<std::size_t>(n)];
+      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+  };
+  const auto deleted = delete_isolated_nodes(choice.elements, mine);
+  renumber_held(deleted);
+  const auto ordered = order_nodes(choice.elements, mine.empty() ? nullptr : &held);
+  renumber_held(ordered);
   follow(deleted);
   follow(ordered);
   gaps_ = ranks().gather(choice.gaps);
@@ -310,6 +341,25 @@ void Fluid<dim>::remesh()
   ledger_.dropped += choice.dropped.value();
   const double jump = energy_of_state(ranks().alone(), v_half_).total() - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
+  collected_ = ranks().alone();
+}
+
+/// The same elements, but other nodes are near the solid. Collective.
+template <int dim>
+void Fluid<dim>::renew_order()
+{
+  rows_are_due() ? gather_state() : agree();
+  std::vector<Simplex<dim>> elements(own_elements().begin(), own_elements().end());
+  std::vector<index_t> held(static_cast<std::size_t>(team_.node_end() - team_.node_begin()));
+  std::iota(held.begin(), held.end(), team_.node_begin());
+  const std::vector<index_t> new_number = order_nodes(elements, &held);
+  renumber(gaps_, new_number);
+  for (index_t& n : held)
+    n = new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+  connect_mesh(std::move(elements));
+  std::vector<char> moved(nodes_.x.size(), 0);
+  pass_rows(held, moved);
+  finish_mesh();
   collected_ = ranks().alone();
 }
 
@@ -398,7 +448,7 @@ void Fluid<dim>::triangulate()
                       centroid += (1.0 / (dim + 1)) * x;
                     return !inside_(nodes_.period.wrapped(centroid));
                   });
-  renumber(delaunay, order_nodes(elements));
+  renumber(delaunay, order_nodes(elements, nullptr));
   elements = sorted_elements<dim>(std::move(elements));
   connect_mesh(elements);
   finish_mesh();
@@ -930,9 +980,12 @@ std::int64_t Fluid<dim>::row_of(const Vec<dim>& x) const
 /// neighbours in memory, but need not be every time. The order is
 /// one of the nodes, whoever holds them, and with it the order in which elements are summed. Collective.
 /// @param elements of this rank
+/// @param held numbers of nodes whose rows are right here: those of all ranks are all nodes; −1: deleted;
+/// null: all
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
-std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements)
+std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements,
+                                             const std::vector<index_t>* held)
 {
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const bool renew = rows_are_due();
@@ -942,7 +995,7 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
     if constexpr (dim == 3)
       boxes_.build(nodes_.x);
   }
-  const std::vector<char> group = wet_groups(elements);
+  const std::vector<char> group = wet_groups(elements, held);
   index_t sorted = nodes_.size(); // those before it are in order, unless all rows are new or groups may be
   while (sorted > 0 && nodes_.row[static_cast<std::size_t>(sorted - 1)] == no_row)
     --sorted;
@@ -1010,9 +1063,10 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
 }
 
 /// 0 for wet nodes, 1 for their neighbours, 2 for the rest; empty where there can be no wet ones. Collective.
-/// @param elements of this rank
+/// @param elements, held as of order_nodes
 template <int dim>
-std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elements)
+std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elements,
+                                         const std::vector<index_t>* held)
 {
   n_wet_ = n_layer_ = 0;
   travel_ = 0.0;
@@ -1036,9 +1090,19 @@ std::vector<char> Fluid<dim>::wet_groups(const std::vector<Simplex<dim>>& elemen
   };
   put(0, [&](const Simplex<dim>&, index_t n)
       { return (nodes_.surface[static_cast<std::size_t>(n)] & wet_mask_) != 0; });
-  for (std::size_t n = 0; n < n_nodes; ++n)
-    if (solid_.is_near(nodes_.x[n], contact_reach * config_.element_size))
-      group[n] = 0;
+  std::vector<index_t> near;
+  const auto look_at = [&](index_t n)
+  {
+    if (n >= 0 && solid_.is_near(nodes_.x[static_cast<std::size_t>(n)], contact_reach * config_.element_size))
+      near.push_back(n);
+  };
+  if (held)
+    std::for_each(held->begin(), held->end(), look_at);
+  else
+    for (index_t n = 0; n < nodes_.size(); ++n)
+      look_at(n);
+  for (const index_t n : held ? ranks().gather(near) : near)
+    group[static_cast<std::size_t>(n)] = 0;
   put(1,
       [&](const Simplex<dim>& e, index_t)
       {

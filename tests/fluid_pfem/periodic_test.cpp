@@ -80,6 +80,60 @@ TEST_CASE("the triangulation of a periodic cell covers it once", "[fluid][unit]"
   CHECK(connect<3>(1500, simplices).boundary.empty());
 }
 
+// Truth: the triangulation of all points. A rank knows nothing of points further from its own, images
+// included, than twice the largest circumradius; within one it does not know enough. The lattice has ties
+// everywhere.
+TEST_CASE("parts of a periodic cell have the simplices of the whole", "[fluid][unit]")
+{
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  const Period<2> cell({{0.0, -1.0}}, {{4.0, 3.0}});
+  constexpr double h = 0.1, largest = 1.3 * h;
+  std::vector<Vec<2>> scattered, lattice;
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 30; ++j)
+    {
+      lattice.push_back({{h * i, h * j - 1.0}});
+      scattered.push_back({{h * (i + 0.6 * uniform(random)), h * (j + 0.6 * uniform(random)) - 1.0}});
+    }
+  const auto small = [&](const std::vector<Vec<2>>& x, std::vector<Simplex<2>> simplices)
+  {
+    std::erase_if(simplices,
+                  [&](Simplex<2> e)
+                  {
+                    std::sort(e.begin(), e.end());
+                    return circumradius<2>(corners<2>(x, e, cell)) > largest;
+                  });
+    return sorted_elements<2>(std::move(simplices));
+  };
+  for (const auto& x : {scattered, lattice})
+    for (const double reach : {2.0 * largest, largest})
+    {
+      std::vector<Simplex<2>> found;
+      for (int part = 0; part < 3; ++part)
+      {
+        std::vector<char> mine;
+        for (std::size_t n = 0; n < x.size(); ++n)
+          mine.push_back(3 * n / x.size() == static_cast<std::size_t>(part));
+        std::vector<index_t> near; // exactly those within reach
+        for (std::size_t n = 0; n < x.size(); ++n)
+        {
+          bool is_near = false;
+          for (std::size_t m = 0; m < x.size() && !is_near; ++m)
+            is_near = mine[m] && norm(cell.near(x[m], x[n]) - x[m]) <= reach * (1.0 + 1e-9);
+          if (is_near)
+            near.push_back(static_cast<index_t>(n));
+        }
+        CHECK(near.size() < x.size());
+        const auto of_part = small(
+            x, periodic_delaunay<2>(x, cell, {.mine = mine, .reach = reach, .among = &near, .extent = 4.0}));
+        found.insert(found.end(), of_part.begin(), of_part.end());
+      }
+      const bool same = sorted_elements<2>(std::move(found)) == small(x, periodic_delaunay<2>(x, cell));
+      CHECK(same == (reach > largest));
+    }
+}
+
 // Truth: the sum of V_e/3 over the elements of a node, whatever it is in: closed fans, open ones, several,
 // none. A quarter of the triangles are taken away, the points are moved so far that some turn over, and two
 // ranges of nodes meet within a group of eight. Round-off: some twenty products of lengths of a ring,
