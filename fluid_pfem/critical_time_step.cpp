@@ -18,15 +18,6 @@ namespace undine::fluid
 namespace
 {
 
-/// One closed ring of triangles.
-bool inner(const PlaneFan& fan)
-{
-  bool joined = !fan.empty() && fan.back().opposite[1] == fan.front().opposite[0];
-  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
-    joined = joined && fan[k].opposite[1] == fan[k + 1].opposite[0];
-  return joined;
-}
-
 /// Row i of |B|, B_ij = ∂V_j/∂x_i = Σ_e V_e∇N_i/(dim+1) over the elements that i and j share.
 /// visit(j, |B_ij|, |B_ji|) for all neighbours j, then for i itself.
 /// `wraps`: in a periodic space; apart, because it would slow down all others by a third.
@@ -53,7 +44,7 @@ public:
         else
           return nodes.x[static_cast<std::size_t>(n)];
       };
-      if (inner(fan)) // triangles (i, n_k, n_k+1) all around
+      if (is_closed(fan)) // triangles (i, n_k, n_k+1) all around
       {
         index_t before = fan.back().opposite[0];
         for (const auto& entry : fan)

@@ -44,11 +44,32 @@ std::span<const FanEntry<dim>> stored_fan(const FluidMesh<dim>& mesh, index_t n)
   return {mesh.fans.data() + mesh.fan_begin[k], mesh.fans.data() + mesh.fan_begin[k + 1]};
 }
 
+/// From the first entry on, each is followed by one that begins where it ends, as far as there is one.
+void follow(std::span<FanEntry<2>> fan)
+{
+  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
+    for (std::size_t l = k + 1; l < fan.size(); ++l)
+      if (fan[l].opposite[0] == fan[k].opposite[1])
+      {
+        std::swap(fan[k + 1], fan[l]);
+        break;
+      }
+}
+
 /// Chain the entries of a plane fan counter-clockwise: the end of one is the begin of the next, as far as
 /// that is possible.
 void chain(std::span<FanEntry<2>> fan)
 {
-  // An open fan begins where no other entry ends.
+  // Around most nodes the chain closes wherever it begins. An open fan begins where no other entry ends.
+  if (constexpr std::size_t few = 12; fan.size() <= few)
+  {
+    std::array<FanEntry<2>, few> trial;
+    std::copy(fan.begin(), fan.end(), trial.begin());
+    const std::span<FanEntry<2>> closed(trial.data(), fan.size());
+    follow(closed);
+    if (is_closed(closed))
+      return static_cast<void>(std::copy(closed.begin(), closed.end(), fan.begin()));
+  }
   for (std::size_t k = 0; k < fan.size(); ++k)
   {
     const bool follows = std::any_of(fan.begin(), fan.end(),
@@ -59,13 +80,7 @@ void chain(std::span<FanEntry<2>> fan)
       break;
     }
   }
-  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
-    for (std::size_t l = k + 1; l < fan.size(); ++l)
-      if (fan[l].opposite[0] == fan[k].opposite[1])
-      {
-        std::swap(fan[k + 1], fan[l]);
-        break;
-      }
+  follow(fan);
 }
 
 /// Of a mesh whose fans are chained.

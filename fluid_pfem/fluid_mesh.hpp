@@ -64,6 +64,15 @@ private:
   std::vector<FanEntry<2>> many_; ///< if it has more
 };
 
+/// One closed chain of triangles.
+inline bool is_closed(std::span<const FanEntry<2>> fan)
+{
+  bool joined = !fan.empty() && fan.back().opposite[1] == fan.front().opposite[0];
+  for (std::size_t k = 0; k + 1 < fan.size(); ++k)
+    joined = joined && fan[k].opposite[1] == fan[k + 1].opposite[0];
+  return joined;
+}
+
 /// In the plane: the neighbours around every node with a fan, counter-clockwise, eight nodes side by side. A
 /// node on the boundary is itself in its ring wherever that is open, so that the triangles between the node
 /// and two that follow each other, the last and the first included, are its elements, and beside them flat

@@ -38,14 +38,6 @@ struct Body
   BodyState<dim> state{};
 };
 
-/// Call `visit(block, law)` with the concrete types: the one place where element and law are looked up,
-/// outside the loops.
-template <int dim, class Visitor>
-decltype(auto) visit_body(const Body<dim>& body, Visitor&& visit)
-{
-  return std::visit(std::forward<Visitor>(visit), body.block, body.material);
-}
-
 /// Room for the history of `body`, all points virgin.
 template <int dim>
 BodyState<dim> virgin_state(const Body<dim>& body, index_t n_nodes);

@@ -27,7 +27,8 @@ def write(case, settings, out, summary, line=""):
         parts += ["<h2>Pictures</h2>", *map(image, moving + still)]
     parts += ["<h2>Ledgers</h2>", conservation(summary.get("conservation", {}))]
     parts += [image(p) for p in plots if p.stem == "energy"] + ledgers(out)
-    parts += ["<h2>Time</h2>", programs(summary, ("coupler", *case_file.parts(settings)))]
+    names = ("coupler", *case_file.parts(settings))
+    parts += ["<h2>Time</h2>", programs(summary, names), *(times_of_ranks(name, summary.get(name)) for name in names)]
     parts += ["<h2>Parameters</h2>", f"<p><small>{html.escape(str(case))}, overrides applied</small></p>", parameters(settings)]
     page = (f"<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>{html.escape(out.name)}: Undine</title><style>{STYLE}</style>"
             f"<body>{''.join(parts)}</body></html>\n")
@@ -86,11 +87,31 @@ def programs(summary, names):
             continue
         wall, wait = float(part.get("wall_s") or 0.0), float(part.get("wait_s") or 0.0)
         share = 0.0 if not wall else min(100.0, 100.0 * wait / wall)
-        bar = (f"<div class=bar><span style=\"width:{100 - share:.1f}%;background:#1f6f8b\">computing {100 - share:.0f} %</span>"
-               f"<span style=\"width:{share:.1f}%;background:#c9822b\">waiting {share:.0f} %</span></div>")
+        bar = bar_of((("computing", 100 - share), ("waiting", share)))
         body.append([name, number(part.get("steps")), number(part.get("nodes")), number(part.get("remeshes")), number(wall),
                      number(part.get("ns_per_node_step")), bar if wall else ""])
     return rows(["program", "steps", "nodes", "remeshes", "wall [s]", "ns/node/step", ""], body, numeric=(1, 2, 3, 4, 5))
+
+
+COLOURS = {"computing": "#1f6f8b", "compute": "#1f6f8b", "halo": "#5b8c3a", "remesh": "#6a4c93", "imbalance": "#b0413e", "wait": "#c9822b", "waiting": "#c9822b"}
+
+
+def bar_of(shares):
+    """A bar of (word, percent)."""
+    return "<div class=bar>" + "".join(f"<span style=\"width:{percent:.1f}%;background:{COLOURS[word]}\">{word} {percent:.0f} %</span>"
+                                       for word, percent in shares) + "</div>"
+
+
+def times_of_ranks(name, part):
+    """Where the time of each rank of a program went, if there are several."""
+    times = (part or {}).get("rank_time_s")
+    if not times:
+        return ""
+    body = []
+    for rank, seconds in enumerate(zip(*times.values())):
+        total = sum(seconds)
+        body.append([f"{name}, rank {rank}", *map(number, seconds), bar_of([(word, 100 * s / total) for word, s in zip(times, seconds)]) if total else ""])
+    return rows(["", *(f"{word} [s]" for word in times), ""], body, numeric=range(1, len(times) + 1))
 
 
 def parameters(settings):

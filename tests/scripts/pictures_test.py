@@ -132,14 +132,14 @@ class Report(Case):
         pictures.draw_frames(pictures.Picture(frames.open_parts(self.out)), self.out / "plots" / "frames.png")
         (self.out / "history" / "energy.csv").write_text("t[s],total[J]\n0,1\n1,2\n")
         summary = {"status": "completed", "t_end": 1.0, "wall_s": 2.0, "windows": 3, "substeps": 4, "conservation": {"mass_drift": 1e-13, "mass_drift_definition": "of <water>"},
-                   "fluid": {"steps": 7, "wall_s": 2.0, "wait_s": 0.5}, "comparisons": [{"name": "front", "measure": "relative_L2", "value": 0.01, "reference": 0.0, "error": 0.01,
+                   "fluid": {"steps": 7, "wall_s": 2.0, "wait_s": 0.5, "rank_time_s": {"compute": [1.5, 0.5], "wait": [0.5, 1.5]}}, "comparisons": [{"name": "front", "measure": "relative_L2", "value": 0.01, "reference": 0.0, "error": 0.01,
                                                                                           "tolerance": 0.02, "pass": True}]}
         report.write(Path("case.toml"), {"run": {"name": "a & b"}, "fluid": {"density": 1000.0}}, self.out, summary, "mpirun ...")
         page = Links()
         page.feed((self.out / "report.html").read_text())
         self.assertEqual(len(page.sources), 1)
         self.assertTrue(all(s.startswith("data:image/") for s in page.sources))
-        for part in ("a & b", "completed: t = 1 s", "3 windows of up to 4", "front", "pass", "of <water>", "waiting 25 %", "density", "total[J]", "mpirun"):
+        for part in ("a & b", "completed: t = 1 s", "3 windows of up to 4", "front", "pass", "of <water>", "waiting 25 %", "fluid, rank 1", "wait 75 %", "density", "total[J]", "mpirun"):
             self.assertIn(part, re.sub(r"\s+", " ", page.text))
 
 
