@@ -67,6 +67,15 @@ struct FluidMass
   double total() const { return meshed + flying + deleted + outflow - inflow; }
 };
 
+/// What all nodes have in common in one step.
+template <int dim>
+struct Step
+{
+  double dt = 0.0;        ///< [s]
+  double dt_before = 0.0; ///< the step before it [s]
+  Vec<dim> g{};           ///< gravity at its end [m/s²]
+};
+
 /// Nodes of which a rank has the right rows during a remesh.
 struct KnownNodes
 {
@@ -139,6 +148,12 @@ public:
   /// The same for all other nodes.
   void solve_free_motion_of_interior(double dt);
   void solve_free_motion(double dt);
+  /// So many steps of equal length, for whoever does not look in between: predict and solve_free_motion of
+  /// each, with the same bits, but where it can be in one sweep over the nodes.
+  void advance(double dt, std::int64_t steps);
+  /// So many steps may be made in one sweep: in the plane, on one rank, where nothing acts on a node but
+  /// elements, weight and walls.
+  bool in_one_sweep(int steps) const;
   /// a ← a + M⁻¹f,  v ← v + Δt/2 M⁻¹f on the wet nodes of this rank. `f_link` [N], wet nodes of this rank ×
   /// dim.
   void correct_with_link(std::span<const double> f_link, double dt);
@@ -228,6 +243,10 @@ private:
   };
   void move_on(const Move& move);
 
+  /// Elements of spray may turn over between two looks at the mesh: their node keeps its pressure, and the
+  /// next look finds them and remeshes. What is not over after so many steps is a blow-up.
+  static constexpr int may_be_turned_over = 10;
+
   bool mesh_is_bad();
   bool any_rank(bool yes);
   void agree();
@@ -242,7 +261,9 @@ private:
   /// Nodes over which this rank sums: its own, or all.
   std::array<std::size_t, 2> rows_to_sum(bool whole) const;
   std::vector<index_t> blocks_of_ranks() const;
+  Step<dim> present_step(double dt) const;
   void push_off_walls(double dt);
+  void push_off_walls(const Step<dim>& step, index_t block, typename Walls<dim>::Reaction& reaction);
   void find_half_step_velocity();
   void update_spacing(const KnownNodes& known);
   void triangulate();
@@ -300,11 +321,21 @@ private:
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void kick(double dt, index_t begin, index_t end);
+  double move_nodes(double dt, index_t begin, index_t end);
   index_t update_state(index_t begin, index_t end);
   void limit_tension(index_t begin, index_t end);
-  void add_element_forces(double dt, const index_t* list, index_t begin, index_t end, const Share& share);
+  void add_element_forces(const Step<dim>& step, const index_t* list, index_t begin, index_t end,
+                          const Share& share);
+  void accelerate(const Step<dim>& step, index_t begin, index_t end);
+  void constrain_accelerations(index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
-  void exchange_mass(double dt);
+  bool forces_are_local() const;
+  double time_to_book(double dt);
+  void exchange_mass(const Step<dim>& step, double booked, index_t begin, index_t end);
+  struct InFlight;
+  void skew(double dt, int steps);
+  bool take_block(InFlight& step, index_t may_move);
+  void find_reach();
   void check_state(index_t bad_node);
   void check_places() const;
   Vec<dim> gravity() const;
@@ -350,6 +381,13 @@ private:
   std::vector<Simplex<dim>> own_gaps_; ///< that this rank watches, if there are several
   std::vector<double> fastest_;        ///< squared speed of the fastest node of each share [m²/s²]
   std::vector<index_t> bad_;           ///< a node of each share whose elements have turned over, or −1
+  /// Of a block of elements in a sweep of several steps: nodes below these numbers have to have moved and to
+  /// know their state before it, and have all their forces after it.
+  struct Reach
+  {
+    index_t moved, known, complete;
+  };
+  std::vector<Reach> reach_; ///< of each block of elements; empty: not found yet for this mesh
   mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
   std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]

@@ -257,9 +257,7 @@ void FluidOutput<dim>::observe(double t, Fluid<dim>& fluid, bool frame)
     next_sample_ += config_.history_interval / samples_per_row;
   while (by_interval && next_row_ <= t)
     next_row_ += config_.history_interval;
-  const bool gauges =
-      std::any_of(probes_.begin(), probes_.end(), [](const Probe& p) { return p.is_gauge(); });
-  if (row || (sample && gauges))
+  if (row || (sample && has_gauges()))
     fluid.collect();
   if (frame && config_.frames)
     write_frame(t, fluid);
@@ -269,6 +267,20 @@ void FluidOutput<dim>::observe(double t, Fluid<dim>& fluid, bool frame)
     sample_gauges(t, fluid);
   if (row)
     write_rows(t, fluid);
+}
+
+template <int dim>
+bool FluidOutput<dim>::has_gauges() const
+{
+  return std::any_of(probes_.begin(), probes_.end(), [](const Probe& p) { return p.is_gauge(); });
+}
+
+template <int dim>
+double FluidOutput<dim>::next() const
+{
+  if (config_.history_interval <= 0.0)
+    return std::numeric_limits<double>::lowest();
+  return has_gauges() ? std::min(next_row_, next_sample_) : next_row_;
 }
 
 template <int dim>

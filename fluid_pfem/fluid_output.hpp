@@ -25,8 +25,11 @@ public:
   /// @throws InputError for a probe that names an unknown surface or field
   FluidOutput(const OutputConfig& output, const std::vector<ProbeConfig>& probes, const Fluid<dim>& fluid);
 
-  /// Call at every synchronised time; rows are written when they are due.
+  /// Call at every synchronised time, or at those of frames and the first from next() on; rows are written
+  /// when they are due.
   void observe(double t, Fluid<dim>& fluid, bool frame);
+  /// Time from which on the next row is due, or the next sample of a gauge [s].
+  double next() const;
   /// Of what was collected, on rank 0.
   void write_frame(double t, const Fluid<dim>& fluid);
   void for_each_state(StateArchive& archive);
@@ -58,6 +61,7 @@ private:
   };
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;
+  bool has_gauges() const;
   void sample_gauges(double t, const Fluid<dim>& fluid);
   void write_rows(double t, const Fluid<dim>& fluid);
 

@@ -53,7 +53,9 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   const auto begin = std::chrono::steady_clock::now();
   const TimeSplit split(ranks);
   const double mass = fluid.mass();
-  const auto observe = [&](double t, fluid::Fluid<dim>& f, bool frame) { output.observe(t, f, frame); };
+  const fluid::Observer<dim> observe([&](double t, fluid::Fluid<dim>& f, bool frame)
+                                     { output.observe(t, f, frame); },
+                                     [&] { return output.next(); });
   Checkpoints checkpoints = launch.checkpoints(*log);
   const Persistence persistence = launch.persistence(
       checkpoints, [&](StateArchive& archive) { archive("output", output); }, ranks);

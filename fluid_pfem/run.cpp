@@ -59,16 +59,17 @@ link::Report report_of(const Fluid<dim>& fluid, double stable_dt, const Balance&
 /// A step that has collapsed does not recover: the run ends with the reason instead of crawling on.
 struct StepWatch
 {
+  double collapse = 0.0; ///< so far below the largest step is far
   double largest = 0.0;  ///< stable step so far [s]
   std::int64_t slow = 0; ///< steps in a row that were far below it
 
+  bool is_slow(double dt) const { return dt < collapse * largest; }
   template <int dim>
   void look(double dt, Fluid<dim>& fluid)
   {
     constexpr std::int64_t patience = 100; // steps
-    const double collapse = fluid.config().collapse;
     largest = std::max(largest, dt);
-    slow = dt < collapse * largest ? slow + 1 : 0;
+    slow = is_slow(dt) ? slow + 1 : 0;
     if (slow >= patience)
       throw NumericalError(fmt::format(
           "fluid step {}, t = {:.9g} s: the stable step has collapsed to {:.3g} s, {:.2g} of what "
@@ -227,7 +228,7 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
   const std::int64_t look_at_mesh_every = look > 0 ? look : 4;
   StepLooks looks{.every = look > 0 ? look : 8, .soon = look == 0};
   const double& dt = looks.dt;
-  StepWatch watch;
+  StepWatch watch{.collapse = fluid.config().collapse};
   double t = run.t_begin;
   std::int64_t frames = 1, step = 0;
   const StateVisitor state = [&](StateArchive& archive)
@@ -253,16 +254,22 @@ std::string run_alone(Fluid<dim>& fluid, const RunConfig& run, double frame_inte
       fluid.remesh();
     if (remesh || looks.is_due(step))
       looks.look(step, fluid.critical_time_step());
-    const double rest = run.t_end - t;
-    const double this_dt =
-        rest <= dt ? rest : std::min(dt, 0.5 * rest); // the last two steps share what is left
-    fluid.predict(this_dt);
-    fluid.solve_free_motion(this_dt);
-    t = rest <= dt ? run.t_end : t + this_dt;
-    const bool frame = t >= run.t_end || (frame_interval > 0.0 &&
-                                          t >= run.t_begin + static_cast<double>(frames) * frame_interval);
+    const auto next_dt = [&] // the last two steps share what is left
+    { return run.t_end - t <= dt ? run.t_end - t : std::min(dt, 0.5 * (run.t_end - t)); };
+    const double this_dt = next_dt();
+    const std::int64_t first = step;
+    bool frame = false, seen = false;
+    while (!seen) // equal steps that nobody wants to see, up to one that somebody does
+    {
+      t = run.t_end - t <= dt ? run.t_end : t + this_dt;
+      ++step;
+      frame = t >= run.t_end ||
+              (frame_interval > 0.0 && t >= run.t_begin + static_cast<double>(frames) * frame_interval);
+      seen = frame || step % look_at_mesh_every == 0 || looks.is_due(step) || next_dt() != this_dt ||
+             observe.must_see(t) || watch.is_slow(dt) || persistence.due(t);
+    }
+    fluid.advance(this_dt, step - first);
     frames += frame;
-    ++step;
     observe(t, fluid, frame);
     watch.look(dt, fluid);
     if (std::string reason = persistence.after_step(t, step, state); !reason.empty() && t < run.t_end)

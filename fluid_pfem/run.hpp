@@ -6,16 +6,35 @@
 #include "common/program/shared_link.hpp"
 #include "fluid_pfem/fluid.hpp"
 
+#include <concepts>
 #include <functional>
 #include <string>
+#include <utility>
 
 namespace undine::fluid
 {
 
-/// Called on all ranks at the start and after every window (coupled) or step (alone), always at a
-/// synchronised time. `frame`: a field frame is due.
+/// Who looks at the fluid, on all ranks: at the start and after every window (coupled) or step (alone),
+/// always at a synchronised time.
 template <int dim>
-using Observer = std::function<void(double t, Fluid<dim>& fluid, bool frame)>;
+struct Observer
+{
+  template <class Look>
+  requires std::invocable < Look, double, Fluid<dim>
+  &,
+      bool > Observer(Look look, std::function<double()> next = {})
+      : look(std::move(look)),
+  next(std::move(next))
+  {
+  }
+
+  std::function<void(double t, Fluid<dim>& fluid, bool frame)> look; ///< `frame`: a field frame is due
+  /// Time until which steps may pass unseen, as known after the last look [s]; empty: every step is seen.
+  std::function<double()> next;
+
+  void operator()(double t, Fluid<dim>& fluid, bool frame) const { look(t, fluid, frame); }
+  bool must_see(double t) const { return !next || t >= next(); }
+};
 
 /// Run coupled until the coupler says good-bye. Collective. `history_interval` [s] of the coupler's rows:
 /// energies are computed for them only; 0: after every window.

@@ -10,6 +10,13 @@
 namespace undine::fluid
 {
 
+/// z, or 0 in the plane.
+template <int dim>
+constexpr double third(const Vec<dim>& x)
+{
+  return dim == 3 ? x[dim - 1] : 0.0;
+}
+
 /// V_e ∇N_i of a positively oriented simplex (i, opposite…): independent of x_i, finite however flat the
 /// element [m^(dim−1)].
 template <int dim, class Real>

@@ -207,7 +207,7 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
                        geometry[static_cast<std::size_t>(w)].motion.moves());
   };
   has_convex_ = join<dim>(reference_, together, spacing);
-  impulse_.assign(geometry.size(), {});
+  reaction_.impulse.assign(geometry.size(), {});
   pieces_ = before_ = reference_;
   move_to(t);
   before_ = pieces_;
@@ -326,17 +326,30 @@ void Walls<dim>::move_to(double t)
     if (!reference_[k].plane)
       pieces_[k].find_ends();
   }
-  wall_moved_ += fastest;
+  walls_moved_ += fastest;
 }
 
 template <int dim>
 void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin)
 {
-  candidates_.clear();
   margin_ = margin;
-  moved_ = wall_moved_ = 0.0;
-  const double reach = 2.0 * margin + 0.1 * spacing_; // the node and the wall may both move by `margin`
-  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+  blocks_.resize(static_cast<std::size_t>((end - begin + block_size - 1) / block_size));
+  for (Block& block : blocks_)
+  {
+    block.begin = begin;
+    block.end = std::min(begin += block_size, end);
+    find_candidates(block, x);
+  }
+}
+
+template <int dim>
+void Walls<dim>::find_candidates(Block& block, std::span<const Vec<dim>> x) const
+{
+  block.candidates.clear();
+  block.moved = 0.0;
+  block.walls_moved = walls_moved_;
+  const double reach = 2.0 * margin_ + 0.1 * spacing_; // the node and the wall may both move by the margin
+  for (auto n = static_cast<std::size_t>(block.begin); n < static_cast<std::size_t>(block.end); ++n)
     for (std::size_t k = 0; k < pieces_.size(); ++k)
     {
       const auto& piece = pieces_[k];
@@ -345,15 +358,16 @@ void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, ind
         continue;
       if (piece.overhang(x[n], true) > reach)
         continue;
-      candidates_.push_back({static_cast<index_t>(n), static_cast<int>(k)});
+      block.candidates.push_back({static_cast<index_t>(n), static_cast<int>(k)});
     }
 }
 
 template <int dim>
-void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
+void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
                          std::span<const double> m, std::span<Vec<dim>> a, double dt_before,
-                         const std::function<void(Vec<dim>&, index_t)>& constrain)
+                         const std::function<void(Vec<dim>&, index_t)>& constrain, Reaction& reaction) const
 {
+  const std::vector<Candidate>& candidates = blocks_[static_cast<std::size_t>(block)].candidates;
   const auto admissible = [&](Vec<dim> w, std::size_t n)
   {
     if (constrain)
@@ -361,17 +375,16 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
     return w;
   };
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
-  corrections_.clear();
-  // Candidates of one node are adjacent. In each round the piece that is crossed least is corrected: on one
+  // In each round the piece that is crossed least is corrected: on one
   // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
   // concave corner a few rounds settle it between two or three.
-  for (std::size_t begin = 0; begin < candidates_.size();)
+  for (std::size_t begin = 0; begin < candidates.size();)
   {
     std::size_t end = begin;
-    const auto n = static_cast<std::size_t>(candidates_[begin].node);
+    const auto n = static_cast<std::size_t>(candidates[begin].node);
     const Vec<dim> v_free = v[n];
     bool corrected = false;
-    while (end < candidates_.size() && candidates_[end].node == candidates_[begin].node)
+    while (end < candidates.size() && candidates[end].node == candidates[begin].node)
       ++end;
     for (int round = 0; round < 12; ++round)
     {
@@ -380,7 +393,7 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
       std::size_t k = 0;
       for (std::size_t c = begin; c < end; ++c)
       {
-        const auto piece = static_cast<std::size_t>(candidates_[c].piece);
+        const auto piece = static_cast<std::size_t>(candidates[c].piece);
         const double d = pieces_[piece].distance(x_end);
         if (d >= 0.0)
           continue;
@@ -413,9 +426,9 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
       // Mean of the velocities before and after the step: v_prev = v − ½(Δt + Δt_before) a whatever was
       // corrected before. A node pressed against a wall at rest then gets no work, although the pressure
       // has just kicked it.
-      work_.add(0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv));
+      reaction.work.add(0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv));
       for (std::size_t i = 0; i < dim; ++i)
-        impulse_[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
+        reaction.impulse[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
       v[n] += dv;
       a[n] += (1.0 / dt_mean) * dv;
       corrected = true;
@@ -425,7 +438,7 @@ void Walls<dim>::contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<d
         v[n] = admissible(velocity_of(k, x[n], dt), n);
     }
     if (corrected)
-      corrections_.push_back({static_cast<index_t>(n), v[n] - v_free});
+      reaction.corrections.push_back({static_cast<index_t>(n), v[n] - v_free});
     begin = end;
   }
 }
@@ -577,18 +590,18 @@ std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) co
 template <int dim>
 std::vector<Vec<dim>> Walls<dim>::impulse() const
 {
-  std::vector<Vec<dim>> values(impulse_.size());
+  std::vector<Vec<dim>> values(reaction_.impulse.size());
   for (std::size_t w = 0; w < values.size(); ++w)
     for (std::size_t i = 0; i < dim; ++i)
-      values[w].c[i] = impulse_[w][i].value();
+      values[w].c[i] = reaction_.impulse[w][i].value();
   return values;
 }
 
 template <int dim>
 std::vector<ExactSum*> Walls<dim>::sums()
 {
-  std::vector<ExactSum*> all{&work_};
-  for (auto& wall : impulse_)
+  std::vector<ExactSum*> all{&reaction_.work};
+  for (auto& wall : reaction_.impulse)
     for (ExactSum& component : wall)
       all.push_back(&component);
   return all;

@@ -11,6 +11,7 @@
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 
+#include <algorithm>
 #include <functional>
 #include <optional>
 #include <span>
@@ -98,6 +99,11 @@ public:
   Walls(const std::vector<WallGeometry>& geometry, double spacing, double t);
 
   bool empty() const { return geometry_.empty(); }
+  bool moves() const
+  {
+    return std::any_of(geometry_.begin(), geometry_.end(),
+                       [](const WallGeometry& wall) { return wall.motion.moves(); });
+  }
   const std::vector<WallPiece<dim>>& pieces() const { return pieces_; }
   const std::vector<WallGeometry>& geometry() const { return geometry_; }
 
@@ -105,8 +111,12 @@ public:
   void move_to(double t);
 
   /// Nodes near walls among [begin, end), as candidates for contact until something has moved by `margin`
-  /// [m]. What contact does to a node does not depend on when they were found.
+  /// [m]: in blocks of consecutive nodes, each until one of its own has. What contact does to a node does not
+  /// depend on when they were found.
   void find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin);
+  /// Nodes of a block.
+  static constexpr index_t block_size = 256;
+  index_t n_blocks() const { return static_cast<index_t>(blocks_.size()); }
   /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds to
   /// impulse() and work().
   /// @param m mass of each node [kg]
@@ -117,19 +127,38 @@ public:
   /// allowed
   void contact(double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v, std::span<const double> m,
                std::span<Vec<dim>> a, double dt_before,
-               const std::function<void(Vec<dim>&, index_t)>& constrain = {});
+               const std::function<void(Vec<dim>&, index_t)>& constrain = {})
+  {
+    reaction_.corrections.clear();
+    for (index_t block = 0; block < n_blocks(); ++block)
+      contact(block, dt, x, v, m, a, dt_before, constrain, reaction_);
+  }
   struct Correction
   {
     index_t node;
     Vec<dim> dv; ///< [m/s]
   };
-  /// What the last contact() did to velocities.
-  std::span<const Correction> corrections() const { return corrections_; }
-  /// Report the largest distance any candidate moved; find_candidates is due when this is true.
-  bool candidates_expired(double moved)
+  /// What contact did: work on the fluid [J], impulse on each wall [N s], changes of velocities.
+  struct Reaction
   {
-    moved_ += moved;
-    return moved_ > margin_ || wall_moved_ > margin_;
+    ExactSum work;
+    std::vector<std::array<ExactSum, dim>> impulse;
+    std::vector<Correction> corrections;
+  };
+  /// The same for the nodes of one block. Adds to `reaction`.
+  void contact(index_t block, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
+               std::span<const double> m, std::span<Vec<dim>> a, double dt_before,
+               const std::function<void(Vec<dim>&, index_t)>& constrain, Reaction& reaction) const;
+  /// Of all contact since the start, but for corrections: those of whoever used it last.
+  Reaction& reaction() { return reaction_; }
+  /// Report the largest distance [m] that a node of the block moved: its candidates are found anew, at the
+  /// places `x`, when they are due.
+  void has_moved(index_t block, double distance, std::span<const Vec<dim>> x)
+  {
+    Block& b = blocks_[static_cast<std::size_t>(block)];
+    b.moved += distance;
+    if (b.moved > margin_ || walls_moved_ - b.walls_moved > margin_)
+      find_candidates(b, x);
   }
 
   /// Move points that are in a wall with a convex corner (an open wall: by less than a third of a spacing)
@@ -147,7 +176,7 @@ public:
   Vec<dim> into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const;
 
   /// Work of contact on the fluid [J] and impulse on each wall [N s] since the start: sums without an order.
-  const ExactSum& work() const { return work_; }
+  const ExactSum& work() const { return reaction_.work; }
   std::vector<Vec<dim>> impulse() const;
   /// All sums, to be added up over ranks.
   std::vector<ExactSum*> sums();
@@ -158,8 +187,8 @@ public:
     archive("before", before_);
     for (ExactSum* sum : sums())
       sum->normalise();
-    archive("work", work_);
-    archive("impulse", impulse_);
+    archive("work", reaction_.work);
+    archive("impulse", reaction_.impulse);
   }
 
 private:
@@ -174,12 +203,19 @@ private:
   };
   std::vector<WallGeometry> geometry_;
   std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
-  std::vector<Candidate> candidates_;
-  ExactSum work_;
-  std::vector<Correction> corrections_;
-  std::vector<std::array<ExactSum, dim>> impulse_;
+  struct Block
+  {
+    index_t begin = 0, end = 0;        ///< its nodes
+    double moved = 0.0;                ///< by the fastest of them since their candidates were found [m]
+    double walls_moved = 0.0;          ///< until then [m]
+    std::vector<Candidate> candidates; ///< those of one node are adjacent
+  };
+  void find_candidates(Block& block, std::span<const Vec<dim>> x) const;
+  std::vector<Block> blocks_;
+  Reaction reaction_;
   bool has_convex_ = false;
-  double spacing_ = 0.0, margin_ = 0.0, moved_ = 0.0, wall_moved_ = 0.0;
+  double spacing_ = 0.0, margin_ = 0.0;
+  double walls_moved_ = 0.0; ///< by the fastest corners, all moves together [m]
 };
 
 } // namespace undine::fluid

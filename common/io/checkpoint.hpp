@@ -95,6 +95,8 @@ struct Persistence
   void restore(const StateVisitor& state) const;
   /// Write them into `folder`.
   void save(const std::string& folder, const StateVisitor& state) const;
+  /// A checkpoint is due at time t, by the interval of simulated time.
+  bool due(double t) const { return checkpoints != nullptr && checkpoints->due(t); }
   /// For a run of one program, after a step that ended at t: write a checkpoint if one is due.
   /// @returns why the run shall stop, or empty
   std::string after_step(double t, std::int64_t step, const StateVisitor& state) const;

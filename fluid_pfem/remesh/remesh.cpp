@@ -512,6 +512,7 @@ void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
   if (!ranks().alone())
     mesh_.boundary = ranks().gather(mesh_.boundary);
   find_ghosts();
+  reach_.clear();
 }
 
 /// All that follows from positions, densities and connectivity, for the nodes of each rank. Collective.
@@ -595,15 +596,11 @@ void Fluid<dim>::finish_mesh()
   record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
   halo_.update(sums_.record, nodes_.m);
   each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
-               { add_element_forces(dt_before_, list, first, last, share); });
+               { add_element_forces(present_step(dt_before_), list, first, last, share); });
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0); // no time has passed
-  take_acceleration<dim>(
-      nodes_, gravity(), begin, end, sums_,
-      std::span(mass_rate_).subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+  accelerate(present_step(dt_before_), begin, end);
   add_body_force(begin, end);
-  for (const index_t n : constrained_)
-    if (n >= begin && n < end)
-      constrain(nodes_.a[static_cast<std::size_t>(n)], n);
+  constrain_accelerations(begin, end);
   find_impedance();
   let_waves_out(dt_before_, false);
   std::copy(v.begin(), v.end(), nodes_.v.begin() + begin);
