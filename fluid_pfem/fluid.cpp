@@ -438,7 +438,7 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("travelled", travelled_);
   archive("good_for", good_for_);
   archive("slow_axis", slow_axis_);
-  if constexpr (dim == 3)
+  if (in_boxes())
     archive("boxes", boxes_);
   archive("next_id", next_id_);
   archive("t", t_);

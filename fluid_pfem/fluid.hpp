@@ -288,6 +288,10 @@ private:
   void choose_slow_axis();
   bool rows_are_due() const { return ledger_.remeshes % 25 == 0; } ///< all are made anew in this remesh
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
+  bool in_boxes() const
+  {
+    return config_.order == NodeOrder::boxes || (dim == 3 && config_.order == NodeOrder::usual);
+  }
   std::int64_t row_of(const Vec<dim>& x) const;
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
   void flag_nodes();
@@ -408,7 +412,7 @@ private:
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
   double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
   int slow_axis_ = dim - 1;             ///< along which nodes are numbered last
-  Bisection<dim> boxes_;                ///< in space, of the nodes when all rows were renewed last
+  Bisection<dim> boxes_; ///< if these are their order, of the nodes when all rows were renewed last
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;
   int turned_over_ = 0; ///< steps with a node of negative volume since the last remesh

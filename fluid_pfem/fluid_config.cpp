@@ -444,6 +444,15 @@ FluidConfig read_fluid(const CaseFile& file, const RunConfig& run, const Couplin
       t.integer({"threads", "",
                  "threads of each rank of the fluid, each on a core of its own; results do not depend on it"},
                 1, between(1, 256)));
+  config.order =
+      t.choice(
+          {"order", "",
+           "in which nodes are numbered, of which ranks have ranges: rows across the longest axis of the "
+           "fluid, or boxes, whose cuts are shorter where there are many ranks, in the plane some 64. Sums "
+           "have another order then, and so another round-off"},
+          run.dim == 3 ? "boxes" : "rows", {"rows", "boxes"}) == "rows"
+          ? NodeOrder::rows
+          : NodeOrder::boxes;
   config.look_every =
       t.integer({"look_every", "",
                  "steps between looks at the stable step, and of a fluid alone at the mesh; 0: 8 "

@@ -75,6 +75,14 @@ enum class InitialPressure
   hydrostatic ///< barotropic rest under gravity, p₀ at the highest point of each body
 };
 
+/// In which order nodes are numbered; ranks and threads have ranges of it.
+enum class NodeOrder
+{
+  usual, ///< rows in the plane, boxes in space
+  rows,  ///< two spacings wide, across the longest axis of the fluid: neighbours are near in memory
+  boxes  ///< of a recursive bisection: ranges are compact, and so cuts between many ranks short
+};
+
 /// When to remesh and what becomes of isolated nodes.
 struct RemeshConfig
 {
@@ -119,7 +127,8 @@ struct FluidConfig : Body
   RemeshConfig remesh;
   double inertia_floor = 0.0; ///< least mass in Newton's law, fraction of a regular node's
   double step_safety = 0.9;   ///< of the rigorous step bound
-  int threads = 1;            ///< that compute the fluid; results do not depend on it
+  NodeOrder order = NodeOrder::usual;
+  int threads = 1; ///< that compute the fluid; results do not depend on it
   double collapse =
       1e-3; ///< alone: a stable step below this fraction of the largest one ends the run; 0: never
   std::int64_t look_every = 0; ///< steps between looks at the stable step, alone at the mesh too; 0: 8 and 4

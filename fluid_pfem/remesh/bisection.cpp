@@ -7,9 +7,8 @@ namespace undine::fluid
 {
 
 template <int dim>
-void Bisection<dim>::build(std::span<const Vec<dim>> x)
+void Bisection<dim>::build(std::span<const Vec<dim>> x, std::size_t in_a_box)
 {
-  constexpr std::size_t in_a_box = 16; // points, at most
   levels_ = 0;
   while ((x.size() >> levels_) > in_a_box)
     ++levels_;

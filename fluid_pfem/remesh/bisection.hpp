@@ -19,7 +19,8 @@ class Bisection
 {
 public:
   /// @param x points [m]
-  void build(std::span<const Vec<dim>> x);
+  /// @param in_a_box so many at most
+  void build(std::span<const Vec<dim>> x, std::size_t in_a_box = 16);
   /// Number of the box in which a point lies, any point: the outermost boxes have no end.
   std::int64_t box_of(const Vec<dim>& x) const;
 

@@ -1,7 +1,7 @@
 // What one step of the fluid costs on several ranks, act by act: the dam break of fluid_speed, or a
 // cube in space, remeshed every 20 steps. The clocks start after the first remesh.
 //
-//   mpirun -n RANKS ranks_speed NODES_OVER_WIDTH STEPS [2|3]
+//   mpirun -n RANKS ranks_speed NODES_OVER_WIDTH STEPS [2|3] [rows|boxes]
 //
 // prints one JSON object for the slowest rank of each act: seconds per step of processor time, without what
 // was spent waiting for other ranks and in moving what they gather; "all_steps_s" and "all_remesh_s" are sums
@@ -22,6 +22,7 @@
 #include <cstdlib>
 #include <ctime>
 #include <optional>
+#include <string>
 
 using namespace undine;
 using namespace undine::fluid;
@@ -127,16 +128,24 @@ int main(int argc, char** argv)
   MPI_Init(&argc, &argv);
   const double n = argc > 1 ? std::atof(argv[1]) : 22.0;
   const std::int64_t steps = argc > 2 ? std::atoll(argv[2]) : 200;
+  const NodeOrder order = argc <= 4                         ? NodeOrder::usual
+                          : std::string(argv[4]) == "boxes" ? NodeOrder::boxes
+                                                            : NodeOrder::rows;
   if (argc > 3 && std::atoi(argv[3]) == 3)
   {
     FluidConfig config = test::hydraulic(1.0 / n, 20.0);
     config.dim = 3;
     config.gravity = {0.0, -9.81, 0.0};
     config.size = {1.0, 1.0, 1.0};
+    config.order = order;
     measure<3>(config, steps);
   }
   else
-    measure<2>(test::dam_break_config(0.146 / n), steps);
+  {
+    FluidConfig config = test::dam_break_config(0.146 / n);
+    config.order = order;
+    measure<2>(config, steps);
+  }
   MPI_Finalize();
   return 0;
 }

@@ -451,6 +451,54 @@ TEST_CASE("a periodic space that is larger than what a rank sees of it, in the p
   check_same_bits<3>(rod, 24, 1);
 }
 
+TEST_CASE("the other order of the nodes has the same bits on any number of ranks too", "[ranks]")
+{
+  SECTION("boxes in the plane")
+  {
+    FluidConfig config = drop_over_pool(1.0 / 220.0); // two boxes
+    config.order = NodeOrder::boxes;
+    config.remesh.only_if_moved = false;
+    config.remesh.every = 12; // steps
+    check_same_bits<2>(config, 60, 4);
+    config.threads = 2;
+    config.interfaces = {{"below", "bottom"}};
+    config.contact_walls.clear();
+    check_same_bits<2>(config, 30, 1, advance_coupled<2>);
+  }
+  SECTION("rows in space")
+  {
+    FluidConfig config = drop_in_space(1.0 / 11.0);
+    config.order = NodeOrder::rows;
+    check_same_bits<3>(config, 30, 1);
+  }
+}
+
+// Truth: the cuts of a square of n x n nodes. Four ranks: two cuts of n edges instead of three; eight: n, n
+// and four of n/2 instead of seven. Columns stand 0.87 spacings apart, so that cuts of one direction
+// have 1.15 times as many nodes; a tenth more where cuts cross and parts end at whole blocks of elements.
+TEST_CASE("many ranks of boxes have fewer ghosts than many of rows", "[ranks]")
+{
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
+  FluidConfig config = test::hydraulic(1.0 / 250.0, 30.0);
+  config.size = {1.0, 1.0, 0.0};
+  const auto bytes_of = [&](NodeOrder order)
+  {
+    config.order = order;
+    Fluid<2> fluid(config, ranks);
+    const double dt = fluid.critical_time_step();
+    const auto before = ranks.cost().bytes;
+    fluid.predict(dt);
+    fluid.solve_free_motion(dt);
+    return static_cast<double>(ranks.sum(ranks.cost().bytes - before));
+  };
+  const double rows = bytes_of(NodeOrder::rows), boxes = bytes_of(NodeOrder::boxes);
+  CAPTURE(rows, boxes);
+  if (ranks.size() == 4)
+    CHECK(boxes < 1.25 * 2.0 / 3.0 * rows);
+  if (ranks.size() == 8)
+    CHECK(boxes < 1.25 * 4.0 / 7.0 * rows);
+}
+
 // A hole along the plate crosses the cuts between the ranks, and nodes of any rank come to the corners of its
 // head: the cuts are elsewhere after every remesh.
 TEST_CASE("water beside a plate that it meets and leaves has the same bits", "[ranks]")

@@ -150,6 +150,9 @@ class Restarts(RanksTest):
     def test_a_fluid(self):
         self.chain("dam_break", 0.3, "run.resolution=12")
 
+    def test_a_fluid_in_boxes(self):
+        self.chain("dam_break", 0.3, "run.resolution=12", 'fluid.order="boxes"')
+
     def test_a_solid(self):
         self.chain("taylor_bar", 6e-6)
 
