@@ -458,6 +458,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   archive("turned_over", turned_over_);
   if (!archive.reading())
     return;
+  turned_over_agreed_ = turned_over_;
+  agreed_at_ = steps_;
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   exchange_of_all_ = {};
   connect_mesh(part_of_all(std::move(mesh_.elements)));

@@ -151,9 +151,9 @@ public:
   /// So many steps of equal length, for whoever does not look in between: predict and solve_free_motion of
   /// each, with the same bits, but where it can be in one sweep over the nodes.
   void advance(double dt, std::int64_t steps);
-  /// So many steps may be made in one sweep: in the plane, on one rank, where nothing acts on a node but
-  /// elements, weight and walls.
-  bool in_one_sweep(int steps) const;
+  /// How many of so many steps are made in one sweep, 1: none: in the plane, where nothing acts on a node but
+  /// elements, weight and walls, and no rank has to compute much of what is others'. Collective.
+  int in_one_sweep(std::int64_t steps);
   /// a ← a + M⁻¹f,  v ← v + Δt/2 M⁻¹f on the wet nodes of this rank. `f_link` [N], wet nodes of this rank ×
   /// dim.
   void correct_with_link(std::span<const double> f_link, double dt);
@@ -339,7 +339,14 @@ private:
   struct InFlight;
   void skew(double dt, int steps);
   bool take_block(InFlight& step, index_t may_move);
+  void move(InFlight& step, index_t end);
+  void find_state(InFlight& step, index_t end);
   void find_reach();
+  void find_surroundings();
+  void find_reach_of_blocks();
+  bool far_from_blow_up(int steps) const;
+  template <class Act>
+  void split_by_owner(index_t begin, index_t end, Act&& act) const;
   void check_state(index_t bad_node);
   void check_places() const;
   Vec<dim> gravity() const;
@@ -391,7 +398,27 @@ private:
   {
     index_t moved, known, complete;
   };
-  std::vector<Reach> reach_; ///< of each block of elements; empty: not found yet for this mesh
+  std::vector<Reach> reach_; ///< of each block of elements here
+  /// Nodes [begin, end).
+  struct Range
+  {
+    index_t begin = 0, end = 0;
+  };
+  /// Nodes of this rank, with their neighbours, with those of these, …: what is needed to go on with the ones
+  /// before. One rank: all nodes.
+  std::vector<Range> around_;
+  struct Taken
+  {
+    Range elements; ///< what forces of a step come from
+    Range inner;    ///< of them those without a corner that gets none
+  };
+  std::vector<Taken> taken_;    ///< of a step that so many others follow; one rank: of any
+  Range elements_here_;         ///< what a sweep of several steps may take; of others, copies
+  Halo far_halo_;               ///< the widest of `around_` without the nodes of this rank
+  bool reach_is_found_ = false; ///< for this mesh; else what stands from `reach_` on is of another one
+  int sweep_steps_ = 1;         ///< so many at most
+  int turned_over_agreed_ = 0;  ///< most of all ranks, when they last agreed
+  std::int64_t agreed_at_ = 0;  ///< step
   mutable StepWorkspace workspace_;
   std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
   std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]

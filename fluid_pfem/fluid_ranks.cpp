@@ -186,22 +186,24 @@ std::vector<index_t> Fluid<dim>::wet_of_ranks() const
   return first;
 }
 
-/// Some rank says yes. The ranks also agree on how fast nodes have moved.
+/// Some rank says yes. The ranks also agree on how fast nodes have moved, and how long some were turned over.
 template <int dim>
 bool Fluid<dim>::any_rank(bool yes)
 {
   if (ranks().alone())
     return yes;
-  std::vector<double> values{yes ? 1.0 : 0.0};
+  std::vector<double> values{yes ? 1.0 : 0.0, static_cast<double>(turned_over_)};
   for (const Move& move : moves_)
     values.push_back(move.speed);
   ranks().max(values);
   for (std::size_t k = 0; k < moves_.size(); ++k)
   {
-    moves_[k].speed = values[k + 1];
+    moves_[k].speed = values[k + 2];
     move_on(moves_[k]);
   }
   moves_.clear();
+  turned_over_agreed_ = static_cast<int>(values[1]);
+  agreed_at_ = steps_;
   return values[0] > 0.0;
 }
 
@@ -210,7 +212,7 @@ template <int dim>
 void Fluid<dim>::agree()
 {
   any_rank(false);
-  turned_over_ = static_cast<int>(ranks().max(turned_over_));
+  turned_over_ = ranks().alone() ? turned_over_ : turned_over_agreed_;
 }
 
 /// Positions, velocities and flags of nodes of other ranks come here, as far as they lie within reach of what

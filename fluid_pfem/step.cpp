@@ -53,7 +53,8 @@ template <int dim>
 void Fluid<dim>::push_off_walls(double dt)
 {
   const Step<dim> step = present_step(dt);
-  for (index_t block = 0; block < contact_.n_blocks(); ++block)
+  const auto [first, last] = contact_.own_blocks();
+  for (index_t block = first; block < last; ++block)
     push_off_walls(step, block, contact_.reaction());
 }
 
@@ -92,7 +93,8 @@ void Fluid<dim>::predict_position(double dt)
     move_on(move);
   else
     moves_.push_back(move);
-  for (index_t block = 0; block < contact_.n_blocks(); ++block)
+  const auto [first, last] = contact_.own_blocks();
+  for (index_t block = first; block < last; ++block)
     contact_.has_moved(block, dt * speed, nodes_.x);
   dt_before_ = dt;
 }

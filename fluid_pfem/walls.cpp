@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 
 namespace undine::fluid
@@ -333,13 +334,42 @@ template <int dim>
 void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin)
 {
   margin_ = margin;
-  blocks_.resize(static_cast<std::size_t>((end - begin + block_size - 1) / block_size));
-  for (Block& block : blocks_)
+  blocks_.clear();
+  add_blocks(x, begin, end);
+  own_blocks_ = {0, static_cast<index_t>(blocks_.size())};
+}
+
+template <int dim>
+void Walls<dim>::add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end)
+{
+  while (begin < end)
   {
-    block.begin = begin;
-    block.end = std::min(begin += block_size, end);
-    find_candidates(block, x);
+    blocks_.emplace_back().begin = begin;
+    blocks_.back().end = begin = std::min(begin + block_size, end);
+    find_candidates(blocks_.back(), x);
   }
+}
+
+template <int dim>
+void Walls<dim>::surround(std::span<const Vec<dim>> x, index_t begin, index_t end)
+{
+  std::vector<Block> own(std::make_move_iterator(blocks_.begin() + own_blocks_[0]),
+                         std::make_move_iterator(blocks_.begin() + own_blocks_[1]));
+  blocks_.clear();
+  const index_t own_begin = own.empty() ? begin : own.front().begin,
+                own_end = own.empty() ? end : own.back().end;
+  add_blocks(x, begin, own_begin);
+  own_blocks_ = {static_cast<index_t>(blocks_.size()), static_cast<index_t>(blocks_.size() + own.size())};
+  std::move(own.begin(), own.end(), std::back_inserter(blocks_));
+  add_blocks(x, own_end, end);
+}
+
+template <int dim>
+index_t Walls<dim>::block_of(index_t n) const
+{
+  return static_cast<index_t>(std::partition_point(blocks_.begin(), blocks_.end(),
+                                                   [n](const Block& block) { return block.end <= n; }) -
+                              blocks_.begin());
 }
 
 template <int dim>

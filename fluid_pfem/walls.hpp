@@ -114,9 +114,21 @@ public:
   /// [m]: in blocks of consecutive nodes, each until one of its own has. What contact does to a node does not
   /// depend on when they were found.
   void find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin);
-  /// Nodes of a block.
+  /// Beside the nodes of find_candidates, more of them, before and behind: from `begin` to `end` in all. They
+  /// get blocks of their own, until the next call of either.
+  void surround(std::span<const Vec<dim>> x, index_t begin, index_t end);
+  /// Nodes of a block, at most.
   static constexpr index_t block_size = 256;
-  index_t n_blocks() const { return static_cast<index_t>(blocks_.size()); }
+  /// First and one behind the last of the blocks of find_candidates; those of surround lie around them.
+  std::array<index_t, 2> own_blocks() const { return own_blocks_; }
+  /// That of node n.
+  index_t block_of(index_t n) const;
+  index_t end_of(index_t block) const { return blocks_[static_cast<std::size_t>(block)].end; }
+  /// The nodes up to `end` and the rest of the block of the last of them: one behind it.
+  index_t end_of_block(index_t end) const
+  {
+    return blocks_.empty() || end <= blocks_.front().begin ? end : end_of(block_of(end - 1));
+  }
   /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds to
   /// impulse() and work().
   /// @param m mass of each node [kg]
@@ -130,7 +142,7 @@ public:
                const std::function<void(Vec<dim>&, index_t)>& constrain = {})
   {
     reaction_.corrections.clear();
-    for (index_t block = 0; block < n_blocks(); ++block)
+    for (index_t block = own_blocks_[0]; block < own_blocks_[1]; ++block)
       contact(block, dt, x, v, m, a, dt_before, constrain, reaction_);
   }
   struct Correction
@@ -151,6 +163,13 @@ public:
                const std::function<void(Vec<dim>&, index_t)>& constrain, Reaction& reaction) const;
   /// Of all contact since the start, but for corrections: those of whoever used it last.
   Reaction& reaction() { return reaction_; }
+  /// For what is nobody's to count.
+  Reaction no_reaction() const
+  {
+    Reaction none;
+    none.impulse.resize(geometry_.size());
+    return none;
+  }
   /// Report the largest distance [m] that a node of the block moved: its candidates are found anew, at the
   /// places `x`, when they are due.
   void has_moved(index_t block, double distance, std::span<const Vec<dim>> x)
@@ -211,7 +230,9 @@ private:
     std::vector<Candidate> candidates; ///< those of one node are adjacent
   };
   void find_candidates(Block& block, std::span<const Vec<dim>> x) const;
+  void add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end);
   std::vector<Block> blocks_;
+  std::array<index_t, 2> own_blocks_{};
   Reaction reaction_;
   bool has_convex_ = false;
   double spacing_ = 0.0, margin_ = 0.0;

@@ -512,7 +512,7 @@ void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
   if (!ranks().alone())
     mesh_.boundary = ranks().gather(mesh_.boundary);
   find_ghosts();
-  reach_.clear();
+  reach_is_found_ = false;
 }
 
 /// All that follows from positions, densities and connectivity, for the nodes of each rank. Collective.
@@ -612,7 +612,8 @@ void Fluid<dim>::finish_mesh()
   steps_since_remesh_ = 0;
   travelled_ = 0.0;
   good_for_ = 0;
-  turned_over_ = 0;
+  turned_over_ = turned_over_agreed_ = 0;
+  agreed_at_ = steps_;
   x_remesh_.resize(static_cast<std::size_t>(n_nodes));
   std::copy(nodes_.x.begin() + begin, nodes_.x.begin() + end, x_remesh_.begin() + begin);
   for (const auto& ghosts : halo_.received())

@@ -65,7 +65,7 @@ Run run(FluidConfig config, std::int64_t steps, int together, int threads)
       ++count;
       ++step;
     } while (count < together && step < steps && step % 4 != 0 && !looks.is_due(step));
-    run.in_sweeps += count > 1 && fluid.in_one_sweep(count) ? count : 0;
+    run.in_sweeps += fluid.in_one_sweep(count) > 1 ? count : 0;
     fluid.advance(looks.dt, count);
   }
   run.remeshes = fluid.remeshes();
