@@ -74,6 +74,7 @@ struct Step
   double dt = 0.0;        ///< [s]
   double dt_before = 0.0; ///< the step before it [s]
   Vec<dim> g{};           ///< gravity at its end [m/s²]
+  std::size_t number = 0; ///< in the sweep it is part of
 };
 
 /// Nodes of which a rank has the right rows during a remesh.

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
+#include <cstring>
 
 namespace undine::fluid
 {
@@ -162,7 +164,10 @@ void exchange_mass(std::span<const double> mass_rate, double feedback_rate, doub
     const Lanes most = Lanes(0.2) * m, defect = min(max(M - m, Lanes(0.0) - most), most);
     Lanes fed = Lanes(dt * feedback_rate) / h * defect;
     Lanes least = Lanes(least_mass) * regular_volume<dim>(h);
-    for (int l = 0; l < count; ++l)
+    std::uint64_t flags = ~std::uint64_t{0}; // of eight nodes
+    if (count == Lanes::size)
+      std::memcpy(&flags, &nodes.flag[i], sizeof flags);
+    for (int l = 0; l < count && (flags & 0x0101010101010101ULL * isolated_node) != 0; ++l)
       if (nodes.flag[i + static_cast<std::size_t>(l)] & isolated_node) // gravity alone moves it: no floor
       {
         fed.set(l, 0.0);

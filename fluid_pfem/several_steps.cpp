@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 namespace undine::fluid
 {
@@ -72,8 +73,7 @@ void Fluid<dim>::advance(double dt, std::int64_t steps)
 template <int dim>
 int Fluid<dim>::in_one_sweep(std::int64_t steps)
 {
-  if (steps < 2 || dim != 2 || team_.threads() != 1 || n_wet_ != 0 || !solid_.empty() ||
-      !forces_are_local() || contact_.moves())
+  if (steps < 2 || dim != 2 || team_.threads() != 1 || n_wet_ != 0 || !solid_.empty() || !forces_are_local())
     return 1;
   find_reach();
   const int together = static_cast<int>(std::min<std::int64_t>(steps, sweep_steps_));
@@ -279,11 +279,15 @@ void Fluid<dim>::skew(double dt, int steps)
     contact_.surround(nodes_.x, around(2 * steps).begin, around(2 * steps).end);
   }
   std::array<InFlight, most_steps> flight;
+  std::array<double, most_steps> times;
   const auto end = flight.begin() + steps;
   for (auto f = flight.begin(); f < end; ++f)
   {
+    const auto number = static_cast<std::size_t>(f - flight.begin());
     t_ += dt;
+    times[number] = t_;
     f->step = present_step(dt);
+    f->step.number = number;
     f->booked = time_to_book(dt);
     dt_before_ = dt;
     ++steps_;
@@ -302,6 +306,9 @@ void Fluid<dim>::skew(double dt, int steps)
     f->at_edge.mixed.assign(ranks().alone() ? 0 : reach_.size(), 1);
     f->of_others = &of_others;
   }
+
+  if (!contact_.empty())
+    contact_.move_to(std::span(times).first(static_cast<std::size_t>(steps)));
 
   while (!(end - 1)->done)
   {
@@ -391,7 +398,7 @@ void Fluid<dim>::move(InFlight& f, index_t end)
                        f.fastest = std::max(f.fastest, here);
                    });
     if (!contact_.empty())
-      contact_.has_moved(block, dt * std::sqrt(fastest), nodes_.x);
+      contact_.has_moved(block, f.step.number, dt * std::sqrt(fastest), nodes_.x);
   }
 }
 

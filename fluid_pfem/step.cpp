@@ -65,7 +65,7 @@ void Fluid<dim>::push_off_walls(const Step<dim>& step, index_t block, typename W
 {
   reaction.corrections.clear();
   contact_.contact(
-      block, step.dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, step.dt_before,
+      block, step.number, step.dt, nodes_.x, nodes_.v, nodes_.inertia, nodes_.a, step.dt_before,
       [this](Vec<dim>& w, index_t n) { constrain(w, n); }, reaction);
   const double dt_mean = 0.5 * (step.dt + step.dt_before);
   const Vec<dim>& g = step.g;
@@ -95,7 +95,7 @@ void Fluid<dim>::predict_position(double dt)
     moves_.push_back(move);
   const auto [first, last] = contact_.own_blocks();
   for (index_t block = first; block < last; ++block)
-    contact_.has_moved(block, dt * speed, nodes_.x);
+    contact_.has_moved(block, 0, dt * speed, nodes_.x);
   dt_before_ = dt;
 }
 
@@ -110,8 +110,12 @@ double Fluid<dim>::move_nodes(double dt, index_t begin, index_t end)
   for (index_t n = begin; n < end; n += Lanes::size)
   {
     const index_t next = std::min(n + Lanes::size, end);
-    for (std::ptrdiff_t k = std::ptrdiff_t{dim} * n; k < std::ptrdiff_t{dim} * next; ++k)
-      x[k] += dt * v[k];
+    if (next - n == Lanes::size) // the usual case: a number of doubles that the compiler knows
+      for (std::ptrdiff_t k = 0; k < std::ptrdiff_t{dim} * Lanes::size; ++k)
+        x[std::ptrdiff_t{dim} * n + k] += dt * v[std::ptrdiff_t{dim} * n + k];
+    else
+      for (std::ptrdiff_t k = std::ptrdiff_t{dim} * n; k < std::ptrdiff_t{dim} * next; ++k)
+        x[k] += dt * v[k];
     const double* row[Lanes::size];
     for (index_t l = 0; l < Lanes::size; ++l)
       row[l] = v + std::ptrdiff_t{dim} * std::min(n + l, next - 1);

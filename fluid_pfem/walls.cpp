@@ -209,9 +209,9 @@ Walls<dim>::Walls(const std::vector<WallGeometry>& geometry, double spacing, dou
   };
   has_convex_ = join<dim>(reference_, together, spacing);
   reaction_.impulse.assign(geometry.size(), {});
-  pieces_ = before_ = reference_;
+  path_.assign(2, {.pieces = reference_});
   move_to(t);
-  before_ = pieces_;
+  path_.assign(2, {.pieces = pieces()});
 }
 
 namespace
@@ -296,9 +296,20 @@ std::vector<WallGeometry> walls_of_mesh(const std::string& path, int dim, const 
 }
 
 template <int dim>
-void Walls<dim>::move_to(double t)
+void Walls<dim>::move_to(std::span<const double> times)
 {
-  before_ = pieces_;
+  if (!moves())
+    return;
+  std::swap(path_.front(), path_.back());
+  path_.resize(times.size() + 1);
+  for (std::size_t k = 0; k < times.size(); ++k)
+    move(times[k], path_[k], path_[k + 1]);
+}
+
+template <int dim>
+void Walls<dim>::move(double t, const Placement& from, Placement& to) const
+{
+  to = from;
   double fastest = 0.0; // corner, over this move [m]
   for (std::size_t k = 0; k < reference_.size(); ++k)
   {
@@ -320,14 +331,14 @@ void Walls<dim>::move_to(double t)
     const Vec<dim> centre = leading<dim>(motion.centre);
     for (std::size_t c = 0; c < dim; ++c)
     {
-      pieces_[k].corner[c] = centre + turn(reference_[k].corner[c] - centre) + shift;
-      fastest = std::max(fastest, norm(pieces_[k].corner[c] - before_[k].corner[c]));
+      to.pieces[k].corner[c] = centre + turn(reference_[k].corner[c] - centre) + shift;
+      fastest = std::max(fastest, norm(to.pieces[k].corner[c] - from.pieces[k].corner[c]));
     }
-    pieces_[k].n = turn(reference_[k].n);
+    to.pieces[k].n = turn(reference_[k].n);
     if (!reference_[k].plane)
-      pieces_[k].find_ends();
+      to.pieces[k].find_ends();
   }
-  walls_moved_ += fastest;
+  to.moved += fastest;
 }
 
 template <int dim>
@@ -346,7 +357,7 @@ void Walls<dim>::add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t 
   {
     blocks_.emplace_back().begin = begin;
     blocks_.back().end = begin = std::min(begin + block_size, end);
-    find_candidates(blocks_.back(), x);
+    find_candidates(blocks_.back(), path_.back(), x);
   }
 }
 
@@ -373,16 +384,16 @@ index_t Walls<dim>::block_of(index_t n) const
 }
 
 template <int dim>
-void Walls<dim>::find_candidates(Block& block, std::span<const Vec<dim>> x) const
+void Walls<dim>::find_candidates(Block& block, const Placement& walls, std::span<const Vec<dim>> x) const
 {
   block.candidates.clear();
   block.moved = 0.0;
-  block.walls_moved = walls_moved_;
+  block.walls_moved = walls.moved;
   const double reach = 2.0 * margin_ + 0.1 * spacing_; // the node and the wall may both move by the margin
   for (auto n = static_cast<std::size_t>(block.begin); n < static_cast<std::size_t>(block.end); ++n)
-    for (std::size_t k = 0; k < pieces_.size(); ++k)
+    for (std::size_t k = 0; k < walls.pieces.size(); ++k)
     {
-      const auto& piece = pieces_[k];
+      const auto& piece = walls.pieces[k];
       const double d = piece.distance(x[n]);
       if (d > reach || d < -2.0 * spacing_)
         continue;
@@ -392,10 +403,38 @@ void Walls<dim>::find_candidates(Block& block, std::span<const Vec<dim>> x) cons
     }
 }
 
+namespace
+{
+
+/// Mean velocity over a move of the point of a piece's wall that was at x.
 template <int dim>
-void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
-                         std::span<const double> m, std::span<Vec<dim>> a, double dt_before,
-                         const std::function<void(Vec<dim>&, index_t)>& constrain, Reaction& reaction) const
+Vec<dim> velocity_of(const WallPiece<dim>& from, const WallPiece<dim>& to, const Vec<dim>& x, double dt)
+{
+  Vec<dim> y = to.corner[0] + from.distance(x) * to.n;
+  if (from.plane)
+    return (1.0 / dt) * (y - from.corner[0] - from.distance(x) * from.n);
+  if constexpr (dim == 2)
+    y += (dot(x - from.corner[0], from.corner[1] - from.corner[0]) /
+          norm_squared(from.corner[1] - from.corner[0])) *
+         (to.corner[1] - to.corner[0]);
+  else
+  {
+    const Vec<3> s = from.corner[1] - from.corner[0], t = cross(from.n, s);
+    const double length = norm_squared(s);
+    const Vec<3> s_now = to.corner[1] - to.corner[0];
+    y += (dot(x - from.corner[0], s) / length) * s_now +
+         (dot(x - from.corner[0], t) / length) * cross(to.n, s_now);
+  }
+  return (1.0 / dt) * (y - x);
+}
+
+} // namespace
+
+template <int dim>
+void Walls<dim>::contact(index_t block, std::size_t move, double dt, std::span<const Vec<dim>> x,
+                         std::span<Vec<dim>> v, std::span<const double> m, std::span<Vec<dim>> a,
+                         double dt_before, const std::function<void(Vec<dim>&, index_t)>& constrain,
+                         Reaction& reaction) const
 {
   const std::vector<Candidate>& candidates = blocks_[static_cast<std::size_t>(block)].candidates;
   const auto admissible = [&](Vec<dim> w, std::size_t n)
@@ -404,6 +443,7 @@ void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, 
       constrain(w, static_cast<index_t>(n));
     return w;
   };
+  const std::vector<WallPiece<dim>>&was = before(move).pieces, &now = after(move).pieces;
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
   // In each round the piece that is crossed least is corrected: on one
   // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
@@ -424,11 +464,11 @@ void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, 
       for (std::size_t c = begin; c < end; ++c)
       {
         const auto piece = static_cast<std::size_t>(candidates[c].piece);
-        const double d = pieces_[piece].distance(x_end);
+        const double d = now[piece].distance(x_end);
         if (d >= 0.0)
           continue;
-        const double d_begin = before_[piece].distance(x[n]), allowed = std::min(0.0, d_begin);
-        if (d >= allowed - 1e-13 * spacing_ || d <= least || pieces_[piece].overhang(x_end, true) > 0.0 ||
+        const double d_begin = was[piece].distance(x[n]), allowed = std::min(0.0, d_begin);
+        if (d >= allowed - 1e-13 * spacing_ || d <= least || now[piece].overhang(x_end, true) > 0.0 ||
             d_begin < -0.25 * spacing_)
           continue; // before it, beside it, or a node on the other side of a thin wall
         least = d;
@@ -437,7 +477,7 @@ void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, 
       }
       if (least == std::numeric_limits<double>::lowest())
         break;
-      const WallPiece<dim>& wall = pieces_[k];
+      const WallPiece<dim>& wall = now[k];
       // A node that is behind already (merged or split around a corner) gets no deeper; settle() takes it
       // out. A velocity that takes it out would be energy from nowhere. A node that may only move in another
       // surface yields along what that leaves of the normal, and the wall feels all of the force.
@@ -449,7 +489,7 @@ void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, 
       Vec<dim> dv = closing * way, push = closing * wall.n;
       if (geometry_[static_cast<std::size_t>(wall.wall)].no_slip)
       {
-        const Vec<dim> v_wall = velocity_of(k, x[n], dt);
+        const Vec<dim> v_wall = velocity_of(was[k], wall, x[n], dt);
         push = dv =
             admissible(v_wall + ((target - wall.distance(x[n] + dt * v_wall)) / dt) * wall.n - v[n], n);
       }
@@ -465,7 +505,7 @@ void Walls<dim>::contact(index_t block, double dt, std::span<const Vec<dim>> x, 
       if (end - begin == 1)
         break;
       if (round == 11) // a corner too acute for rounds: it stays where it is on the wall
-        v[n] = admissible(velocity_of(k, x[n], dt), n);
+        v[n] = admissible(velocity_of(was[k], wall, x[n], dt), n);
     }
     if (corrected)
       reaction.corrections.push_back({static_cast<index_t>(n), v[n] - v_free});
@@ -483,7 +523,7 @@ void Walls<dim>::settle(std::span<Vec<dim>> x) const
     {
       double least = std::numeric_limits<double>::lowest();
       const WallPiece<dim>* nearest = nullptr;
-      for (const auto& piece : pieces_)
+      for (const auto& piece : pieces())
       {
         const double d = piece.distance(p);
         const WallGeometry& g = geometry_[static_cast<std::size_t>(piece.wall)];
@@ -506,7 +546,7 @@ bool Walls<dim>::blocks(const std::array<Vec<dim>, dim + 1>& x, double depth) co
 {
   const auto inside = [&](const Vec<dim>& p)
   {
-    return std::any_of(pieces_.begin(), pieces_.end(),
+    return std::any_of(pieces().begin(), pieces().end(),
                        [&](const WallPiece<dim>& piece)
                        {
                          const bool encloses = geometry_[static_cast<std::size_t>(piece.wall)].closed ||
@@ -534,7 +574,7 @@ template <int dim>
 double Walls<dim>::depth_in(int wall, const Vec<dim>& x) const
 {
   double shortest = std::numeric_limits<double>::max();
-  for (const auto& piece : pieces_)
+  for (const auto& piece : pieces())
     if (piece.wall == wall)
       shortest = std::min(shortest, piece.gap(x));
   return shortest;
@@ -549,7 +589,7 @@ bool Walls<dim>::is_solid(int wall, const Vec<dim>& x) const
     return true;
   bool inside = false, before_all = true;
   double area = 0.0;
-  for (const auto& piece : pieces_)
+  for (const auto& piece : pieces())
   {
     if (piece.wall != wall)
       continue;
@@ -567,34 +607,11 @@ bool Walls<dim>::is_solid(int wall, const Vec<dim>& x) const
   return area > 0.0 ? !inside : inside;
 }
 
-/// Mean velocity over the last move of the point of piece k's wall that was at x.
-template <int dim>
-Vec<dim> Walls<dim>::velocity_of(std::size_t k, const Vec<dim>& x, double dt) const
-{
-  const WallPiece<dim>&from = before_[k], &to = pieces_[k];
-  Vec<dim> y = to.corner[0] + from.distance(x) * to.n;
-  if (from.plane)
-    return (1.0 / dt) * (y - from.corner[0] - from.distance(x) * from.n);
-  if constexpr (dim == 2)
-    y += (dot(x - from.corner[0], from.corner[1] - from.corner[0]) /
-          norm_squared(from.corner[1] - from.corner[0])) *
-         (to.corner[1] - to.corner[0]);
-  else
-  {
-    const Vec<3> s = from.corner[1] - from.corner[0], t = cross(from.n, s);
-    const double length = norm_squared(s);
-    const Vec<3> s_now = to.corner[1] - to.corner[0];
-    y += (dot(x - from.corner[0], s) / length) * s_now +
-         (dot(x - from.corner[0], t) / length) * cross(to.n, s_now);
-  }
-  return (1.0 / dt) * (y - x);
-}
-
 template <int dim>
 Vec<dim> Walls<dim>::into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const
 {
   Vec<dim> rest = w;
-  for (const WallPiece<dim>& wall : pieces_)
+  for (const WallPiece<dim>& wall : pieces())
     if (std::abs(wall.distance(x)) <= tolerance && wall.overhang(x, false) <= tolerance)
       rest -= std::min(0.0, dot(rest, wall.n)) * wall.n;
   return w - rest;
@@ -605,11 +622,11 @@ std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) co
 {
   std::array<int, 3> found{-1, -1, -1};
   std::size_t count = 0;
-  for (std::size_t k = 0; k < pieces_.size() && count < found.size(); ++k)
+  for (std::size_t k = 0; k < pieces().size() && count < found.size(); ++k)
   {
-    if (std::abs(pieces_[k].distance(x)) > tolerance || pieces_[k].overhang(x, false) > tolerance)
+    if (std::abs(pieces()[k].distance(x)) > tolerance || pieces()[k].overhang(x, false) > tolerance)
       continue;
-    const int face = pieces_[k].face >= 0 ? pieces_[k].face : static_cast<int>(k);
+    const int face = pieces()[k].face >= 0 ? pieces()[k].face : static_cast<int>(k);
     if (std::find(found.begin(), found.end(), face) != found.end())
       continue;
     found[count++] = face;

@@ -104,11 +104,13 @@ public:
     return std::any_of(geometry_.begin(), geometry_.end(),
                        [](const WallGeometry& wall) { return wall.motion.moves(); });
   }
-  const std::vector<WallPiece<dim>>& pieces() const { return pieces_; }
+  const std::vector<WallPiece<dim>>& pieces() const { return path_.back().pieces; }
   const std::vector<WallGeometry>& geometry() const { return geometry_; }
 
   /// Move all pieces to time t [s].
-  void move_to(double t);
+  void move_to(double t) { move_to(std::span<const double>(&t, 1)); }
+  /// Move all pieces to one time after the other [s]; contact() may then be asked about each of these moves.
+  void move_to(std::span<const double> times);
 
   /// Nodes near walls among [begin, end), as candidates for contact until something has moved by `margin`
   /// [m]: in blocks of consecutive nodes, each until one of its own has. What contact does to a node does not
@@ -143,7 +145,7 @@ public:
   {
     reaction_.corrections.clear();
     for (index_t block = own_blocks_[0]; block < own_blocks_[1]; ++block)
-      contact(block, dt, x, v, m, a, dt_before, constrain, reaction_);
+      contact(block, 0, dt, x, v, m, a, dt_before, constrain, reaction_);
   }
   struct Correction
   {
@@ -157,8 +159,8 @@ public:
     std::vector<std::array<ExactSum, dim>> impulse;
     std::vector<Correction> corrections;
   };
-  /// The same for the nodes of one block. Adds to `reaction`.
-  void contact(index_t block, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
+  /// The same for the nodes of one block in one move of the last move_to(). Adds to `reaction`.
+  void contact(index_t block, std::size_t move, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,
                std::span<const double> m, std::span<Vec<dim>> a, double dt_before,
                const std::function<void(Vec<dim>&, index_t)>& constrain, Reaction& reaction) const;
   /// Of all contact since the start, but for corrections: those of whoever used it last.
@@ -170,14 +172,14 @@ public:
     none.impulse.resize(geometry_.size());
     return none;
   }
-  /// Report the largest distance [m] that a node of the block moved: its candidates are found anew, at the
-  /// places `x`, when they are due.
-  void has_moved(index_t block, double distance, std::span<const Vec<dim>> x)
+  /// Report the largest distance [m] that a node of the block moved meanwhile: its candidates are found anew,
+  /// at the places `x`, when they are due.
+  void has_moved(index_t block, std::size_t move, double distance, std::span<const Vec<dim>> x)
   {
     Block& b = blocks_[static_cast<std::size_t>(block)];
     b.moved += distance;
-    if (b.moved > margin_ || walls_moved_ - b.walls_moved > margin_)
-      find_candidates(b, x);
+    if (b.moved > margin_ || after(move).moved - b.walls_moved > margin_)
+      find_candidates(b, after(move), x);
   }
 
   /// Move points that are in a wall with a convex corner (an open wall: by less than a third of a spacing)
@@ -202,8 +204,9 @@ public:
   template <class Archive>
   void for_each_state(Archive& archive)
   {
-    archive("pieces", pieces_);
-    archive("before", before_);
+    path_.erase(path_.begin(), path_.end() - 2);
+    archive("pieces", path_.back().pieces);
+    archive("before", path_.front().pieces);
     for (ExactSum* sum : sums())
       sum->normalise();
     archive("work", reaction_.work);
@@ -213,7 +216,6 @@ public:
 private:
   double depth_in(int wall, const Vec<dim>& x) const;
   bool is_solid(int wall, const Vec<dim>& x) const;
-  Vec<dim> velocity_of(std::size_t k, const Vec<dim>& x, double dt) const;
 
   struct Candidate
   {
@@ -221,7 +223,19 @@ private:
     int piece;
   };
   std::vector<WallGeometry> geometry_;
-  std::vector<WallPiece<dim>> reference_, pieces_, before_; ///< as in the case, now, at the previous time
+  /// Where the walls are at some time.
+  struct Placement
+  {
+    std::vector<WallPiece<dim>> pieces;
+    double moved = 0.0; ///< by the fastest corners until then [m]
+  };
+  void move(double t, const Placement& from, Placement& to) const;
+  /// Before and after one of the moves of the last move_to().
+  const Placement& before(std::size_t move) const { return path_[std::min(move, path_.size() - 2)]; }
+  const Placement& after(std::size_t move) const { return path_[std::min(move + 1, path_.size() - 1)]; }
+  std::vector<WallPiece<dim>> reference_; ///< as in the case
+  /// At the begin of the last move_to() and after each of its moves; twice the same if they stand still.
+  std::vector<Placement> path_ = std::vector<Placement>(2);
   struct Block
   {
     index_t begin = 0, end = 0;        ///< its nodes
@@ -229,14 +243,13 @@ private:
     double walls_moved = 0.0;          ///< until then [m]
     std::vector<Candidate> candidates; ///< those of one node are adjacent
   };
-  void find_candidates(Block& block, std::span<const Vec<dim>> x) const;
+  void find_candidates(Block& block, const Placement& walls, std::span<const Vec<dim>> x) const;
   void add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end);
   std::vector<Block> blocks_;
   std::array<index_t, 2> own_blocks_{};
   Reaction reaction_;
   bool has_convex_ = false;
   double spacing_ = 0.0, margin_ = 0.0;
-  double walls_moved_ = 0.0; ///< by the fastest corners, all moves together [m]
 };
 
 } // namespace undine::fluid
