@@ -65,6 +65,20 @@ bool closing_gap(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, doub
   return height < limit && rate < 0.0;
 }
 
+/// The circumradius is smaller than `limit`, by more than what the order of the corners can change: without
+/// roots and divisions, where it is so.
+template <int dim>
+bool clearly_smaller(const std::array<Vec<dim>, dim + 1>& x, double limit)
+{
+  if constexpr (dim == 2) // R = |a| |b| |a − b| / 2|a × b|
+  {
+    const Vec<2> a = x[1] - x[0], b = x[2] - x[0];
+    const double cross = a[0] * b[1] - a[1] * b[0];
+    return norm_squared(a) * norm_squared(b) * norm_squared(a - b) < 3.9 * limit * limit * cross * cross;
+  }
+  return false;
+}
+
 /// All corners on the boundary, not all on walls, and hardly any height.
 template <int dim>
 bool is_flat(const Simplex<dim>& simplex, const std::array<Vec<dim>, dim + 1>& corner,
@@ -137,6 +151,17 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     int boundary = 0;
     for (const index_t n : simplex)
       boundary += (nodes.flag[static_cast<std::size_t>(n)] & on_boundary) != 0;
+    if (boundary == 0)
+    {
+      double least = nodes.h[static_cast<std::size_t>(simplex[0])];
+      for (const index_t n : simplex)
+        least = std::min(least, nodes.h[static_cast<std::size_t>(n)]);
+      if (clearly_smaller<dim>(corners<dim>(nodes.x, simplex, nodes.period), rules.keep_inner * least))
+      {
+        is_fluid[s] = !on_one_piece<dim>(simplex, wall_pieces);
+        continue;
+      }
+    }
     const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h, nodes.period);
     const double R = circumradius<dim>(corner);
     const double largest =
