@@ -38,14 +38,6 @@ template <int dim>
 Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks, Cut cut)
     : config_(config), team_(config.threads, ranks, std::move(cut))
 {
-  const bool impedance = std::any_of(config.walls.begin(), config.walls.end(),
-                                     [](const WallConfig& wall) { return wall.kind == WallKind::impedance; });
-  if (!ranks.alone() && (impedance || !config.inlets.empty() || !config.outlets.empty()))
-    throw InputError(fmt::format("{}: works on one rank of fluid_pfem, not on {}; start it with -n 1",
-                                 impedance                ? "fluid.wall: kind = \"impedance\""
-                                 : !config.inlets.empty() ? "fluid.inlet"
-                                                          : "fluid.outlet",
-                                 ranks.size()));
   surfaces_ = body_surfaces<dim>(config);
   wall_kind_.assign(surfaces_.size(), WallKind::slip);
   for (const WallConfig& wall : config.walls)
@@ -222,10 +214,22 @@ bool Fluid<dim>::is_distorted()
   return mesh_is_bad() || (!solid_.empty() && travel_ > 0.5 * contact_reach * config_.element_size);
 }
 
+/// A row has moved so far that the next one must follow. Collective.
+template <int dim>
+bool Fluid<dim>::row_is_due() const
+{
+  if (openings_.driven_mask() == 0)
+    return false;
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  std::vector<double> behind = openings_.behind(nodes_, begin, end);
+  ranks().max(behind);
+  return openings_.row_due(behind);
+}
+
 template <int dim>
 bool Fluid<dim>::mesh_is_bad()
 {
-  if (openings_.row_due(nodes_))
+  if (row_is_due())
     return true;
   const auto any_share = [this](auto&& found_in)
   {
@@ -338,7 +342,7 @@ FluidEnergy Fluid<dim>::energy_of_parts(bool whole) const
   e.remesh_loss = remesh_loss_;
   e.wall_work = wall_work.value();
   e.interface_work = interface_work.value();
-  e.openings = openings_energy_;
+  e.openings = whole ? openings_energy_ : openings_energy();
   return e;
 }
 

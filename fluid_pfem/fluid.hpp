@@ -127,8 +127,7 @@ template <int dim>
 class Fluid
 {
 public:
-  /// Seed the box, triangulate, set the initial density. @throws InputError for unknown surface names, and
-  /// for what needs one rank
+  /// Seed the box, triangulate, set the initial density. @throws InputError for unknown surface names
   /// @param cut where the mesh is cut, at the start and in every remesh
   explicit Fluid(const FluidConfig& config, const Ranks& ranks = {}, Cut cut = even_cut);
 
@@ -314,6 +313,9 @@ private:
   std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
   void drop_fragments(ShapeChoice<dim>& choice) const;
   void pass_openings();
+  bool row_is_due() const;
+  void book_opening(int kind, double factor, double other);
+  double openings_energy() const;
   void find_impedance();
   void let_waves_out(double dt, bool book);
   void smooth_mass_defect(std::vector<Vec<dim>>& v_half);
@@ -364,7 +366,13 @@ private:
     std::size_t node;
     Vec<dim> area; ///< of the boundary around it, outward [m^(dim−1)]
   };
-  std::vector<ImpedanceNode> impedance_;
+  std::vector<ImpedanceNode> impedance_; ///< of all ranks
+  struct OpeningWork
+  {
+    std::int64_t turn;    ///< twice the step, and one more for driven nodes
+    double factor, other; ///< of the work [J]
+  };
+  std::vector<OpeningWork> opening_works_; ///< at nodes of this rank since the ranks last agreed, if several
   Openings<dim> openings_;
   double highest_ = 0.0; ///< potential −g·x of the first body's surface at the start, where p = p₀ [m²/s²]
   Walls<dim> contact_;

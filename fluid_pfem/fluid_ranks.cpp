@@ -186,7 +186,23 @@ std::vector<index_t> Fluid<dim>::wet_of_ranks() const
   return first;
 }
 
-/// Some rank says yes. The ranks also agree on how fast nodes have moved, and how long some were turned over.
+/// Energy that openings brought, with what the ranks have not agreed on yet [J]. Collective.
+template <int dim>
+double Fluid<dim>::openings_energy() const
+{
+  double sum = openings_energy_;
+  if (ranks().alone() || (impedance_mask_ == 0 && openings_.driven_mask() == 0))
+    return sum;
+  std::vector<OpeningWork> works = ranks().gather(opening_works_); // of a step in the order of the nodes
+  std::stable_sort(works.begin(), works.end(),
+                   [](const OpeningWork& a, const OpeningWork& b) { return a.turn < b.turn; });
+  for (const OpeningWork& work : works)
+    sum = std::fma(work.factor, work.other, sum);
+  return sum;
+}
+
+/// Some rank says yes. The ranks also agree on how fast nodes have moved, how long some were turned over, and
+/// the work at openings.
 template <int dim>
 bool Fluid<dim>::any_rank(bool yes)
 {
@@ -204,6 +220,8 @@ bool Fluid<dim>::any_rank(bool yes)
   moves_.clear();
   turned_over_agreed_ = static_cast<int>(values[1]);
   agreed_at_ = steps_;
+  openings_energy_ = openings_energy();
+  opening_works_.clear();
   return values[0] > 0.0;
 }
 

@@ -161,17 +161,27 @@ void Openings<dim>::drive(FluidNodes<dim>& nodes, double t) const
 }
 
 template <int dim>
-bool Openings<dim>::row_due(const FluidNodes<dim>& nodes) const
+std::vector<double> Openings<dim>::behind(const FluidNodes<dim>& nodes, std::size_t begin,
+                                          std::size_t end) const
 {
+  std::vector<double> behind;
   for (const Inlet& inlet : inlets_)
   {
     double last = 0.0;
-    for (std::size_t i = 0; i < nodes.x.size(); ++i)
+    for (std::size_t i = begin; i < end; ++i)
       if (nodes.surface[i] & inlet.bit)
         last = std::min(last, inlet.offset(nodes.x[i]));
-    if (last > -(driven_rows - 1) * inlet.row)
-      return true;
+    behind.push_back(-last);
   }
+  return behind;
+}
+
+template <int dim>
+bool Openings<dim>::row_due(std::span<const double> behind) const
+{
+  for (std::size_t k = 0; k < inlets_.size(); ++k)
+    if (behind[k] < (driven_rows - 1) * inlets_[k].row)
+      return true;
   return false;
 }
 

@@ -7,6 +7,8 @@
 #include "fluid_pfem/tait.hpp"
 
 #include <array>
+#include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -45,8 +47,11 @@ public:
   bool behind_inlet(const Vec<dim>& x) const;
   /// Give driven nodes their velocity and acceleration zero.
   void drive(FluidNodes<dim>& nodes, double t) const;
-  /// A row has moved so far that the next one must follow.
-  bool row_due(const FluidNodes<dim>& nodes) const;
+  /// Of each inlet, how far behind the opening the last of nodes begin, …, end − 1 that it drives is [m];
+  /// 0: none is.
+  std::vector<double> behind(const FluidNodes<dim>& nodes, std::size_t begin, std::size_t end) const;
+  /// A last row has moved so far that the next one must follow.
+  bool row_due(std::span<const double> behind) const;
   /// Free the nodes past the opening and add the rows that are due, with their elements. @returns mass [kg]
   double let_in(FluidNodes<dim>& nodes, std::vector<Simplex<dim>>& elements, global_index_t& next_id,
                 double rho0) const;

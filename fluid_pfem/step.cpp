@@ -334,9 +334,10 @@ void Fluid<dim>::solve_free_motion_of_interior(double dt)
     let_waves_out(dt, true);
     if (openings_.driven_mask() != 0)
     {
-      for (std::size_t i = 0; i < nodes_.x.size(); ++i) // what holds a driven node does work
+      const auto [first, last] = rows_to_sum(ranks().alone());
+      for (std::size_t i = first; i < last; ++i) // what holds a driven node does work
         if (nodes_.surface[i] & openings_.driven_mask())
-          openings_energy_ -= dt * nodes_.inertia[i] * dot(nodes_.a[i], nodes_.v[i]);
+          book_opening(1, -(dt * nodes_.inertia[i]), dot(nodes_.a[i], nodes_.v[i]));
       openings_.drive(nodes_, t_);
     }
     kick(dt, begin, end);
@@ -421,6 +422,8 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
   for (const ImpedanceNode& node : impedance_)
   {
     const std::size_t i = node.node;
+    if (!team_.owns(static_cast<index_t>(i)))
+      continue;
     const double A = norm(node.area), Z = tait.rho0 * sound_speed() * A, m = nodes_.inertia[i];
     const Vec<dim> n = node.area * (1.0 / A);
     const double depth = std::max(0.0, highest_ + dot(leading<dim>(config_.gravity), nodes_.x[i]));
@@ -431,8 +434,20 @@ void Fluid<dim>::let_waves_out(double dt, bool book)
     const double da = (m * a_n - p * A - Z * v_n) / (m + 0.5 * dt * Z) - a_n;
     nodes_.a[i] += da * n;
     if (book)
-      openings_energy_ += dt * m * da * v_n;
+      book_opening(0, dt * m * da, v_n);
   }
+}
+
+/// Work of a node at an opening, the product of two factors [J]: of one rank at once, of several when they
+/// agree, in the order that one rank would have.
+/// @param kind 0 impedance, 1 driven: those of a step come one after the other
+template <int dim>
+void Fluid<dim>::book_opening(int kind, double factor, double other)
+{
+  if (ranks().alone())
+    openings_energy_ = std::fma(factor, other, openings_energy_); // as openings_energy() adds
+  else
+    opening_works_.push_back({2 * steps_ + kind, factor, other});
 }
 
 template class Fluid<2>;

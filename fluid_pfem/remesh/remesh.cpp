@@ -207,12 +207,11 @@ void Fluid<dim>::remesh()
   if (nodes_.period.any())
     for (auto& x : nodes_.x)
       x = nodes_.period.wrapped(x);
+  if (!openings_.empty())
+    pass_openings();
   KnownNodes known = look_around();
-  pass_openings();
   find_half_step_velocity();
   const double before = energy_of_state(ranks().alone(), v_half_).total();
-  if (!openings_.empty())
-    update_nodal_volumes<dim>(mesh_, nodes_);
   update_spacing(known);
   // What is found anew with the mesh makes room: a remesh is when most memory is needed.
   workspace_ = {};
@@ -238,7 +237,8 @@ void Fluid<dim>::remesh()
   { old_x[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)]; };
   known.each(nodes_.size(), keep_place);
   for (const auto& ghosts : halo_.received())
-    std::for_each(ghosts.begin(), ghosts.end(), keep_place);
+    if (!known.all)
+      std::for_each(ghosts.begin(), ghosts.end(), keep_place);
   if (!solid_.empty())
     cling_to_solid();
   auto pieces = wall_pieces();
@@ -854,12 +854,11 @@ std::vector<index_t> Fluid<dim>::erase_nodes(const std::vector<char>& gone,
 }
 
 /// Nodes come in and go out; the advected mesh of the last remesh gets and loses their elements, so that the
-/// remesh that follows finds the fluid where it is.
+/// remesh that follows finds the fluid where it is. All ranks get all rows and do the same. Collective.
 template <int dim>
 void Fluid<dim>::pass_openings()
 {
-  if (openings_.empty())
-    return;
+  collect();
   const double before = energy().total();
   const index_t n_before = nodes_.size();
   inflow_ += openings_.let_in(nodes_, mesh_.elements, next_id_, config_.tait.rho0);
@@ -875,8 +874,14 @@ void Fluid<dim>::pass_openings()
   }
   exchange_energy_.assign(nodes_.x.size(), 0.0); // all booked
   openings_energy_ += energy().total() - before;
+  update_nodal_volumes<dim>(mesh_, nodes_);
+  if (ranks().alone())
+    return;
+  mesh_.elements = sorted_elements<dim>(std::move(mesh_.elements)); // parts of the new numbers
+  team_.share_out(nodes_.size(), mesh_);
 }
 
+/// Areas at impedance nodes, of which all ranks know all. Collective.
 template <int dim>
 void Fluid<dim>::find_impedance()
 {
@@ -899,9 +904,11 @@ void Fluid<dim>::find_impedance()
       if (common != 0)
         area[static_cast<std::size_t>(n)] -= volume_gradient<dim, double>(x);
   }
-  for (std::size_t n = 0; n < area.size(); ++n)
+  const auto [begin, end] = rows_to_sum(ranks().alone());
+  for (std::size_t n = begin; n < end; ++n)
     if (norm_squared(area[n]) > 0.0)
       impedance_.push_back({n, area[n]});
+  impedance_ = ranks().gather(impedance_);
 }
 
 namespace

@@ -107,6 +107,15 @@ class Same(RanksTest):
     def test_an_elastic_gate_in_contact(self):
         self.same("elastic_gate", (2, 3), 0.004, "run.resolution=24", solid=lambda n: n)
 
+    def test_a_box_that_is_filled(self):
+        self.same("filling_box", (2, 3), 0.4)
+
+    def test_a_tank_with_a_hole(self):
+        self.same("tank_with_hole", (3,), 0.1)
+
+    def test_a_wedge_whose_waves_leave_the_water(self):
+        self.same("wedge_impact", (2, 3), 4e-4, "run.resolution=60")
+
     def test_a_column_that_is_subcycled(self):
         self.same("elastic_column", (2,), 0.02, "run.resolution=24", solid=lambda n: n)
 
@@ -255,13 +264,6 @@ class Failures(RanksTest):
         ended = self.run_and_hit(self.dam, 3, 2, signal.SIGUSR1, "run.resolution=12")
         self.assertEqual(ended.code, 3, ended.text)
         self.assertTrue(list(self.out.glob("checkpoints/*/manifest.toml")))
-
-    def test_what_needs_one_rank_is_refused(self):
-        case = self.folder / "case.toml"
-        case.write_text(self.dam.read_text().split("[[reference]]")[0] + "\n[[fluid.outlet]]\nbox = [5.0, 5.0, 6.0, 6.0]\n")
-        ended = programs.run(line_of(case, self.out, 2, *sets("run.resolution=6")), MARGIN)
-        self.assertEqual(ended.code, 2, ended.text)
-        self.assertIn("fluid.outlet: works on one rank of fluid_pfem, not on 2; start it with -n 1", ended.text)
 
 
 if __name__ == "__main__":
