@@ -413,6 +413,11 @@ TEST_CASE("several steps in one sweep on each rank have the same bits", "[ranks]
     config.terms = {.mu = 1e-3};
     column();
   }
+  SECTION("in a tank that rolls") // by less than a spacing in a step: so far candidates reach
+  {
+    config.contact_walls.front().motion.angle = Expression("0.002*sin(300*t)", "roll");
+    column();
+  }
   SECTION("in a ramp of gravity, without tension")
   {
     config.gravity_ramp = 0.01;
