@@ -13,6 +13,7 @@
 #pragma once
 
 #include "common/lanes.hpp"
+#include "common/parallel/untouched_rows.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/fluid_nodes.hpp"
 #include "fluid_pfem/team.hpp"
@@ -50,12 +51,12 @@ struct alignas(64) NodeRecord
 template <int dim>
 struct ElementSums
 {
-  std::vector<NodeRecord<dim>> record;
-  std::vector<FourNumbers> sum; ///< force [N] in the first dim entries, mass flux [kg/s] in the last; zero
-                                ///< between steps
-  std::vector<Vec<dim>> body;   ///< nodal body force beyond gravity [m/s²]; empty if there is none
-  std::vector<double> heat;     ///< energy turned into heat by q and τ since the last remesh, per block of
-                                ///< elements [J]
+  UntouchedRows<NodeRecord<dim>> record; ///< of nodes that this rank computes with, as the sums
+  UntouchedRows<FourNumbers> sum; ///< force [N] in the first dim entries, mass flux [kg/s] in the last; zero
+                                  ///< between steps
+  std::vector<Vec<dim>> body;     ///< nodal body force beyond gravity [m/s²]; empty if there is none
+  std::vector<double> heat;       ///< energy turned into heat by q and τ since the last remesh, per block of
+                                  ///< elements [J]
 
   /// Records and sums for n nodes, zero the sums of nodes [begin, end); no body force.
   void reset(index_t n, index_t begin, index_t end);

@@ -95,7 +95,7 @@ struct Spread
 
 /// Eight of them, those of nodes node[l].
 template <class Nodes>
-Defect<2, Lanes> load_defects(const std::vector<NodeRecord<2>>& rows, Nodes&& node)
+Defect<2, Lanes> load_defects(const UntouchedRows<NodeRecord<2>>& rows, Nodes&& node)
 {
   const double *row[Lanes::size], *v[Lanes::size];
   for (int l = 0; l < Lanes::size; ++l)
@@ -116,7 +116,7 @@ Defect<2, Lanes> load_defects(const std::vector<NodeRecord<2>>& rows, Nodes&& no
 /// Of the nodes [first, first + 8) of a group, from their rings: a node has one element on the edge to a
 /// neighbour beside which its ring is open, else two.
 Spread<2, Lanes> spread_to_group(const Rings& rings, std::size_t group, index_t first,
-                                 const std::vector<NodeRecord<2>>& rows, const Defect<2, Lanes>& here)
+                                 const UntouchedRows<NodeRecord<2>>& rows, const Defect<2, Lanes>& here)
 {
   constexpr std::size_t L = Lanes::size;
   const std::span<const Rings::Row> ring{rings.row.data() + rings.begin[group],
@@ -508,7 +508,7 @@ template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
-  std::vector<NodeRecord<dim>>& rows = sums_.record;
+  auto& rows = sums_.record;
   const auto begin_sweep = [&](const Share& share)
   {
     for (index_t n = share.node_begin; n < share.node_end; ++n)

@@ -219,8 +219,8 @@ void Fluid<dim>::remesh()
   mass_rate_ = std::vector<double>();
   exchange_energy_ = std::vector<double>(); // booked
   mesh_.fans = std::vector<FanEntry<dim>>();
-  sums_.record = std::vector<NodeRecord<dim>>();
-  sums_.sum = std::vector<FourNumbers>();
+  sums_.record = UntouchedRows<NodeRecord<dim>>();
+  sums_.sum = UntouchedRows<FourNumbers>();
   const auto [old_begin, old_end] = rows_to_sum(ranks().alone());
   const auto own_rows = [](const auto& field, std::size_t begin, std::size_t end)
   {
