@@ -6,9 +6,9 @@
 #include "common/program/shared_link.hpp"
 #include "fluid_pfem/fluid.hpp"
 
-#include <concepts>
 #include <functional>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 namespace undine::fluid
@@ -19,12 +19,8 @@ namespace undine::fluid
 template <int dim>
 struct Observer
 {
-  template <class Look>
-  requires std::invocable < Look, double, Fluid<dim>
-  &,
-      bool > Observer(Look look, std::function<double()> next = {})
-      : look(std::move(look)),
-  next(std::move(next))
+  template <class Look, class = std::enable_if_t<std::is_invocable_v<Look, double, Fluid<dim>&, bool>>>
+  Observer(Look look, std::function<double()> next = {}) : look(std::move(look)), next(std::move(next))
   {
   }
 

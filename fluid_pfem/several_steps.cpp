@@ -26,9 +26,9 @@ namespace undine::fluid
 namespace
 {
 
-constexpr int most_steps = 8,  ///< of one sweep
-    most_steps_of_ranks = 4;   ///< of several ranks
-constexpr double worth = 0.35; ///< so much of its own nodes may a rank's surroundings have
+constexpr int most_steps = 8, ///< of one sweep
+    most_steps_of_ranks = 4;  ///< if there are several
+constexpr double worth = 0.1; ///< so many nodes of others, over its own, may a rank take into a sweep
 
 /// The next multiple of `unit`, but n at most.
 index_t round_up(index_t k, index_t unit, index_t n) { return std::min((k + unit - 1) / unit * unit, n); }

@@ -239,7 +239,8 @@ class Failures(RanksTest):
         line = line_of(case, self.out, 1, *sets(f"coupling.stall_timeout={2 * STALL}", "run.t_end=0.02", "run.resolution=24"), solid=2)
 
         def act(process):
-            while not (self.out / "history").is_dir():
+            history = self.out / "history" / "interface.csv"
+            while process.poll() is None and not (history.is_file() and history.read_text().count("\n") > 3):  # before the first window its partners miss the coupler
                 time.sleep(0.02)
             for pid, name in programs.descendants(process.pid).items():
                 if name == "coupler" and "OMPI_COMM_WORLD_RANK=1\0" in Path(f"/proc/{pid}/environ").read_text():
