@@ -32,7 +32,7 @@ struct alignas(64) Row
 // the library takes meanwhile.
 TEST_CASE("rows that nobody writes take no memory and are zero", "[common][unit]")
 {
-  const double before = resident();
+  [[maybe_unused]] const double before = resident();
   UntouchedRows<Row> rows;
   rows.resize(std::size_t{1} << 22);
   for (std::size_t n = 1000000; n < 1000000 + (1 << 14); ++n)
