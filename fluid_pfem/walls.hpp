@@ -126,10 +126,12 @@ public:
   /// That of node n.
   index_t block_of(index_t n) const;
   index_t end_of(index_t block) const { return blocks_[static_cast<std::size_t>(block)].end; }
-  /// The nodes up to `end` and the rest of the block of the last of them: one behind it.
+  /// The nodes up to `end` and the rest of the block of the last of them: one behind it. Of nodes without a
+  /// block `end` itself.
   index_t end_of_block(index_t end) const
   {
-    return blocks_.empty() || end <= blocks_.front().begin ? end : end_of(block_of(end - 1));
+    const bool inside = !blocks_.empty() && end > blocks_.front().begin && end <= blocks_.back().end;
+    return inside ? end_of(block_of(end - 1)) : end;
   }
   /// Correct v of candidates so that x + Δt v is on or before every wall at the time of move_to(). Adds to
   /// impulse() and work().
