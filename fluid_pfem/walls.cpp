@@ -445,9 +445,9 @@ void Walls<dim>::contact(index_t block, std::size_t move, double dt, std::span<c
   };
   const std::vector<WallPiece<dim>>&was = before(move).pieces, &now = after(move).pieces;
   const double dt_mean = 0.5 * (dt + dt_before); // from one half step to the next
-  // In each round the piece that is crossed least is corrected: on one
-  // side of a convex corner this is the wall the node is on, and it is then beside the other one; in a
-  // concave corner a few rounds settle it between two or three.
+  // In each round the piece that is crossed least is corrected: on one side of a convex corner this is the
+  // wall the node is on, and it is then beside the other one; in a concave corner a few rounds settle it
+  // between two or three.
   for (std::size_t begin = 0; begin < candidates.size();)
   {
     std::size_t end = begin;
