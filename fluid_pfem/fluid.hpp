@@ -339,14 +339,21 @@ private:
   bool forces_are_local() const;
   double time_to_book(double dt);
   void exchange_mass(const Step<dim>& step, double booked, index_t begin, index_t end);
+  static constexpr int most_steps = 8; ///< of one sweep
   struct InFlight;
+  struct SweepOfThread;
+  struct Rung;
   void skew(double dt, int steps);
-  bool take_block(InFlight& step, index_t may_move);
-  void move(InFlight& step, index_t end);
+  InFlight in_flight(const Step<dim>& step, double booked, std::size_t thread, int steps) const;
+  void sweep_nodes(SweepOfThread& thread, int steps);
+  bool take_block(SweepOfThread& thread, InFlight& step, index_t may_move);
+  void move(SweepOfThread& thread, InFlight& step, index_t end);
   void find_state(InFlight& step, index_t end);
   void find_reach();
   void find_surroundings();
   void find_reach_of_blocks();
+  int find_ladders();
+  std::vector<Rung> ladder_from(index_t begin, int steps) const;
   bool far_from_blow_up(int steps) const;
   template <class Act>
   void split_by_owner(index_t begin, index_t end, Act&& act) const;
@@ -421,6 +428,17 @@ private:
     Range elements; ///< what forces of a step come from
     Range inner;    ///< of them those without a corner that gets none
   };
+  /// Where the nodes of two threads meet in one step of a sweep: the first ones that the upper thread moves,
+  /// finds the state of, gives their forces, exchanges mass of.
+  struct Rung
+  {
+    index_t moves = 0, knows = 0, gets = 0, exchanges = 0;
+    index_t element = 0;          ///< its first, begin of a block
+    index_t inner_end = 0;        ///< elements before this one touch none of its nodes
+    std::vector<index_t> earlier; ///< elements of the lower thread that do, in order
+  };
+  std::vector<std::vector<Rung>>
+      ladders_;                 ///< between thread k of this rank and the next: a rung for each step
   std::vector<Taken> taken_;    ///< of a step that so many others follow; one rank: of any
   Range elements_here_;         ///< what a sweep of several steps may take; of others, copies
   Halo far_halo_;               ///< the widest of `around_` without the nodes of this rank

@@ -28,12 +28,13 @@ struct Share
   std::vector<index_t> before;                ///< elements of shares before it that touch its nodes, in order
 
   std::vector<char> mixed; ///< per block of its elements: has a corner that is another's; empty: none has
+  bool all_mixed = false;  ///< any block may have
 
   bool owns(index_t n) const { return n >= node_begin && n < node_end; }
   /// Every corner of elements begin, … of one of its blocks is its own; of a list they may be anybody's.
   bool owns_corners(const index_t* list, index_t begin) const
   {
-    return list == nullptr &&
+    return list == nullptr && !all_mixed &&
            (mixed.empty() || !mixed[static_cast<std::size_t>((begin - element_begin) / element_block)]);
   }
 };
@@ -155,7 +156,8 @@ public:
     find_shared(mesh, {});
   }
 
-  /// act(share) for all shares at once; they have ended on return. No exception may leave `act`.
+  /// act(share) for all shares at once; they have ended on return. No exception may leave `act`. One share
+  /// may wait for a later one: those begin first, should there be fewer threads than shares.
   template <class Act>
   void each(Act&& act) const
   {
@@ -163,7 +165,7 @@ public:
       return act(shares_.front());
 #pragma omp parallel for num_threads(threads_) schedule(static, 1)
     for (int t = 0; t < threads_; ++t)
-      act(shares_[static_cast<std::size_t>(t)]);
+      act(shares_[static_cast<std::size_t>(threads_ - 1 - t)]);
   }
 
 private:

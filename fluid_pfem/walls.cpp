@@ -514,6 +514,16 @@ void Walls<dim>::contact(index_t block, std::size_t move, double dt, std::span<c
 }
 
 template <int dim>
+auto Walls<dim>::Reaction::operator+=(const Reaction& other) -> Reaction&
+{
+  work += other.work;
+  for (std::size_t wall = 0; wall < impulse.size(); ++wall)
+    for (std::size_t i = 0; i < dim; ++i)
+      impulse[wall][i] += other.impulse[wall][i];
+  return *this;
+}
+
+template <int dim>
 void Walls<dim>::settle(std::span<Vec<dim>> x) const
 {
   if (!has_convex_)

@@ -160,6 +160,8 @@ public:
     ExactSum work;
     std::vector<std::array<ExactSum, dim>> impulse;
     std::vector<Correction> corrections;
+
+    Reaction& operator+=(const Reaction& other); ///< but for corrections
   };
   /// The same for the nodes of one block in one move of the last move_to(). Adds to `reaction`.
   void contact(index_t block, std::size_t move, double dt, std::span<const Vec<dim>> x, std::span<Vec<dim>> v,

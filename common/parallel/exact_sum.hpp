@@ -42,6 +42,14 @@ public:
     d[2] += sign * d2;
   }
 
+  /// Add all terms of another sum.
+  ExactSum& operator+=(const ExactSum& other)
+  {
+    for (std::size_t k = 0; k < digits; ++k)
+      digit_[k] += other.digit_[k];
+    return *this;
+  }
+
   /// The digits, to be added up over several sums; unique only inside value().
   std::span<std::int64_t> raw() { return digit_; }
   std::span<const std::int64_t> raw() const { return digit_; }

@@ -408,6 +408,11 @@ TEST_CASE("several steps in one sweep on each rank have the same bits", "[ranks]
       CHECK(steps_in_sweeps >= 100);
   };
   SECTION("a column that collapses") { column(); }
+  SECTION("of threads that share it")
+  {
+    config.threads = 2;
+    column();
+  }
   SECTION("with viscosity and without stabilisers")
   {
     config.terms = {.mu = 1e-3};
