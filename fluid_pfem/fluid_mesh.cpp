@@ -9,17 +9,16 @@
 namespace undine::fluid
 {
 
-template <int dim>
-Simplex<dim> canonical(const Simplex<dim>& e)
+template <>
+Simplex<3> canonical<3>(const Simplex<3>& e)
 {
   const int first = static_cast<int>(std::min_element(e.begin(), e.end()) - e.begin());
-  const auto order = even_order<dim>(first);
-  Simplex<dim> c;
+  const auto order = even_order<3>(first);
+  Simplex<3> c;
   for (std::size_t k = 0; k < c.size(); ++k)
     c[k] = e[static_cast<std::size_t>(order[k])];
-  if constexpr (dim == 3) // the three others may still be rotated
-    while (c[1] > c[2] || c[1] > c[3])
-      c = {c[0], c[2], c[3], c[1]};
+  while (c[1] > c[2] || c[1] > c[3]) // the three others may still be rotated
+    c = {c[0], c[2], c[3], c[1]};
   return c;
 }
 
@@ -209,8 +208,9 @@ std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements)
   std::vector<index_t> next(begin.begin(), begin.end() - 1);
   for (const auto& e : elements)
     sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0] - lowest)]++)] = e;
-  for (std::size_t n = 0; n + 1 < begin.size(); ++n)
-    std::sort(sorted.begin() + begin[n], sorted.begin() + begin[n + 1]);
+  for (auto it = sorted.begin() + 1; it < sorted.end(); ++it) // by insertion: not far
+    for (auto at = it; at != sorted.begin() && *at < *(at - 1); --at)
+      std::iter_swap(at, at - 1);
   return sorted;
 }
 
@@ -243,14 +243,19 @@ std::vector<Simplex<dim>> sorted_over_ranks(std::vector<Simplex<dim>> sorted, co
     end = std::max(begin, end);
     parts[r].assign(begin, end);
   }
-  parts = ranks.exchange(parts);
+  parts = ranks.exchange(std::move(parts));
   sorted.clear();
-  for (const auto& part : parts)
+  for (auto& part : parts)
   {
+    if (sorted.empty())
+    {
+      sorted = std::move(part);
+      continue;
+    }
     // Mostly parts follow each other: only where they overlap there is something to merge.
     const auto middle = static_cast<std::ptrdiff_t>(sorted.size());
     sorted.insert(sorted.end(), part.begin(), part.end());
-    if (const auto it = sorted.begin() + middle; middle != 0 && it != sorted.end())
+    if (const auto it = sorted.begin() + middle; it != sorted.end())
       std::inplace_merge(std::upper_bound(sorted.begin(), it, *it), it,
                          std::lower_bound(it, sorted.end(), *(it - 1)));
   }
@@ -318,8 +323,6 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
 
 template void find_fans<2>(FluidMesh<2>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
 template void find_fans<3>(FluidMesh<3>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
-template Simplex<2> canonical<2>(const Simplex<2>&);
-template Simplex<3> canonical<3>(const Simplex<3>&);
 template std::vector<Simplex<2>> sorted_elements<2>(std::vector<Simplex<2>>);
 template std::vector<Simplex<3>> sorted_elements<3>(std::vector<Simplex<3>>);
 template index_t first_element_from<2>(std::span<const Simplex<2>>, index_t);

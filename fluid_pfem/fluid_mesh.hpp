@@ -136,6 +136,17 @@ struct FluidMesh
 /// simplex.
 template <int dim>
 Simplex<dim> canonical(const Simplex<dim>& e);
+template <>
+Simplex<3> canonical<3>(const Simplex<3>& e);
+template <>
+inline Simplex<2> canonical<2>(const Simplex<2>& e) // without branches that nobody can foresee
+{
+  const bool last = e[2] < e[0] && e[2] < e[1], middle = !last && e[1] < e[0];
+  const auto one_of = [&](index_t first, index_t second, index_t third) {
+    return last ? third : middle ? second : first;
+  };
+  return {one_of(e[0], e[1], e[2]), one_of(e[1], e[2], e[0]), one_of(e[2], e[0], e[1])};
+}
 
 /// Elements in the one form and order that depend on the set only.
 template <int dim>

@@ -10,17 +10,6 @@
 namespace undine::fluid
 {
 
-namespace
-{
-
-/// The rank that has item k, where that of rank r begins at first[r].
-int owner(std::span<const index_t> first, index_t k)
-{
-  return static_cast<int>(std::upper_bound(first.begin() + 1, first.end(), k) - first.begin()) - 1;
-}
-
-} // namespace
-
 /// Elements are numbered in their order over all ranks and cut into shares. A rank puts those of its share
 /// and those that touch its nodes in their places among all; what is in other places is nobody's. Collective.
 /// @param sorted of this rank: those of all ranks make up the mesh
@@ -90,7 +79,7 @@ void Fluid<dim>::share_elements(std::vector<Simplex<dim>> sorted)
     std::for_each(of.begin(), end,
                   [&](int r) { r == me ? put(e) : to[static_cast<std::size_t>(r)].push_back(e); });
   }
-  for (const auto& part : ranks().exchange(to))
+  for (const auto& part : ranks().exchange(std::move(to)))
     std::for_each(part.begin(), part.end(), put);
   std::sort(earlier.begin(), earlier.end());
   team_.find_shared(mesh_, std::move(earlier));
@@ -358,7 +347,7 @@ KnownNodes Fluid<dim>::look_around()
             to[r].push_back(
                 {static_cast<index_t>(n), nodes_.flag[n], nodes_.alone[n], nodes_.x[n], nodes_.v[n]});
   }
-  const auto rows = ranks().exchange(to); // rank by rank, in order
+  const auto rows = ranks().exchange(std::move(to)); // rank by rank, in order
   std::vector<index_t> list;
   for (std::size_t r = 0; r < rows.size(); ++r)
   {
@@ -470,7 +459,7 @@ void Fluid<dim>::pass_rows(std::span<const index_t> held, std::vector<char>& mov
       to[static_cast<std::size_t>(owner(team_.nodes_of_ranks(), n))].push_back(
           {n, nodes_.flag[i], nodes_.alone[i], moved[i], nodes_.x[i], nodes_.v[i], nodes_.a[i], nodes_.M[i],
            nodes_.rho[i], nodes_.V[i], nodes_.h[i]});
-  for (const auto& rows : ranks().exchange(to))
+  for (const auto& rows : ranks().exchange(std::move(to)))
     for (const Row& row : rows)
     {
       const auto i = static_cast<std::size_t>(row.node);

@@ -87,7 +87,7 @@ void Fluid<dim>::find_surroundings()
         to[static_cast<std::size_t>(r)].push_back({e, mesh_.elements[static_cast<std::size_t>(e)]});
     }
   elements_here_ = mine;
-  for (const auto& part : ranks().exchange(to))
+  for (const auto& part : ranks().exchange(std::move(to)))
     for (const Numbered& e : part)
     {
       mesh_.elements[static_cast<std::size_t>(e.number)] = e.nodes;

@@ -19,6 +19,12 @@ namespace undine::fluid
 /// over blocks then do not depend on it.
 inline constexpr index_t element_block = 256;
 
+/// The rank that has item k, where that of rank r begins at first[r].
+inline int owner(std::span<const index_t> first, index_t k)
+{
+  return static_cast<int>(std::upper_bound(first.begin() + 1, first.end(), k) - first.begin()) - 1;
+}
+
 /// What one thread of one rank does: it owns nodes and adds to them only. Elements that touch nodes of two
 /// owners are computed by both.
 struct Share

@@ -82,23 +82,30 @@ public:
     return all;
   }
 
-  /// to[r] goes to rank r; returns what each rank sent here. Collective.
+  /// to[r] goes to rank r; returns what each rank sent here. What a rank keeps for itself is not copied if
+  /// `to` is a temporary. Collective.
   template <class T>
-  std::vector<std::vector<T>> exchange(const std::vector<std::vector<T>>& to) const
+  std::vector<std::vector<T>> exchange(std::vector<std::vector<T>> to) const
   {
     static_assert(std::is_trivially_copyable_v<T>);
     if (alone())
       return to;
+    const auto me = static_cast<std::size_t>(rank());
     std::vector<std::vector<std::byte>> bytes(to.size());
     for (std::size_t r = 0; r < to.size(); ++r)
     {
+      if (r == me)
+        continue;
       const auto* first = reinterpret_cast<const std::byte*>(to[r].data());
       bytes[r].assign(first, first + to[r].size() * sizeof(T));
     }
     bytes = exchange_bytes(bytes);
     std::vector<std::vector<T>> from(to.size());
+    from[me] = std::move(to[me]);
     for (std::size_t r = 0; r < to.size(); ++r)
     {
+      if (r == me)
+        continue;
       from[r].resize(bytes[r].size() / sizeof(T));
       if (!bytes[r].empty())
         std::memcpy(from[r].data(), bytes[r].data(), bytes[r].size());

@@ -16,11 +16,14 @@ namespace
 
 /// The part θ ≤ 1 of a change of velocity that takes a rise of kinetic energy away: rise + θ linear + θ²
 /// square = 0.
-double part_of_the_way(double rise, double linear, double square)
+template <class Real>
+Real part_of_the_way(const Real& rise, const Real& linear, const Real& square)
 {
-  const double discriminant = linear * linear - 4.0 * square * rise;
-  return linear < 0.0 && discriminant > 0.0 ? std::min(1.0, 2.0 * rise / (std::sqrt(discriminant) - linear))
-                                            : 1.0;
+  using std::min;
+  using std::sqrt;
+  const Real none(0.0), all(1.0), discriminant = linear * linear - Real(4.0) * square * rise;
+  return select((linear < none) & (discriminant > none),
+                min(all, Real(2.0) * rise / (sqrt(discriminant) - linear)), all);
 }
 
 /// Mass that a node, or eight, received from others in one change, and what it carries.
@@ -32,43 +35,50 @@ struct Received
   Real energy{};             ///< kinetic [J]
 };
 
-/// Of a node that received mass and now has M: as far towards the common velocity as the kinetic energy of
-/// both parts asks for.
-template <int dim>
-Vec<dim> change_of_velocity(double M, const Vec<dim>& v, const Received<dim>& received)
+/// Of a node, or of eight, that received mass and now has M: as far towards the common velocity as the
+/// kinetic energy of both parts asks for.
+template <int dim, class Real>
+Vec<dim, Real> change_of_velocity(const Real& M, const Vec<dim, Real>& v, const Received<dim, Real>& received)
 {
-  const double rise = 0.5 * received.mass * norm_squared(v) - received.energy;
-  if (!(rise > 0.0) || !(M > received.mass))
+  const Real none(0.0), rise = Real(0.5) * received.mass * norm_squared(v) - received.energy;
+  const auto changes = (rise > none) & (M > received.mass);
+  if (!any(changes))
     return {};
-  const Vec<dim> dv = (1.0 / M) * (received.momentum - received.mass * v);
-  return part_of_the_way(rise, M * dot(v, dv), 0.5 * M * norm_squared(dv)) * dv;
+  const Vec<dim, Real> dv = (Real(1.0) / M) * (received.momentum - received.mass * v);
+  const Real part = part_of_the_way<Real>(rise, M * dot(v, dv), Real(0.5) * M * norm_squared(dv));
+  Vec<dim, Real> change;
+  for (int i = 0; i < dim; ++i)
+    change[i] = select(changes, part * dv[i], none);
+  return change;
 }
 
-/// A node when a sweep that spreads the defect of mass begins, in the place of its record of the step.
+/// A node when a sweep that spreads the defect of mass begins, in one half of its record of the step; the
+/// other half is for the next sweep.
 struct DefectRow
 {
   static constexpr int defect = 0, ///< M − m [kg]
       M = 1,                       ///< if it has any to give [kg]
-      share = 2,                   ///< part that goes along an edge of an element
-      v = 4;                       ///< of the half step [m/s]
+      v = 2;                       ///< of the half step [m/s]
+  template <int dim>
+  static constexpr int half = NodeRecord<dim>::size / 2;
+  template <int dim>
+  static constexpr int share = v + dim; ///< part that goes along an edge of an element; in the plane lost in
+                                        ///< the first sweep
 };
 
 /// The same of a node, or of eight.
 template <int dim, class Real>
 struct Defect
 {
-  Real defect, M, share;
+  Real defect, M;
   Vec<dim, Real> v;
 };
 
 template <int dim>
-Defect<dim, double> defect_of(const NodeRecord<dim>& row)
+Defect<dim, double> defect_of(const double* row)
 {
-  Defect<dim, double> d{.defect = row.c[DefectRow::defect],
-                        .M = row.c[DefectRow::M],
-                        .share = row.c[DefectRow::share],
-                        .v = {}};
-  std::copy_n(row.c.begin() + DefectRow::v, dim, d.v.c.begin());
+  Defect<dim, double> d{.defect = row[DefectRow::defect], .M = row[DefectRow::M], .v = {}};
+  std::copy_n(row + DefectRow::v, dim, d.v.c.begin());
   return d;
 }
 
@@ -79,70 +89,63 @@ struct Spread
   Real dM{};
   Received<dim, Real> received{};
 
-  /// Along an edge of so many elements.
-  void add(const Defect<dim, Real>& here, const Defect<dim, Real>& there, const Real& elements)
+  /// @param s part of the smaller mass, or difference, that goes along the edge
+  void add(const Defect<dim, Real>& here, const Defect<dim, Real>& there, const Real& s)
   {
     using std::max;
     using std::min;
-    const Real none(0.0), s = elements * min(here.share, there.share), more = there.defect - here.defect,
-                          in = s * min(max(more, none), there.M), out = s * min(max(-more, none), here.M);
-    dM += in - out;
+    const Real more = s * max(min(there.defect - here.defect, there.M), -here.M), in = max(more, Real(0.0));
+    dM += more;
     received.mass += in;
     received.momentum += in * there.v;
     received.energy += Real(0.5) * in * norm_squared(there.v);
   }
 };
 
-/// Eight of them, those of nodes node[l].
-template <class Nodes>
-Defect<2, Lanes> load_defects(const UntouchedRows<NodeRecord<2>>& rows, Nodes&& node)
+using DefectRows = UntouchedRows<NodeRecord<2>>;
+
+/// Eight of them, in the half that begins with number `half`: those of the nodes half of whose numbers
+/// twice(l) tells.
+template <class Twice>
+Defect<2, Lanes> load_defects(const DefectRows& rows, int half, Twice&& twice)
 {
-  const double *row[Lanes::size], *v[Lanes::size];
+  constexpr std::size_t size = NodeRecord<2>::size / 2;
+  const double *const first = rows.data()->c.data() + half, *row[Lanes::size];
   for (int l = 0; l < Lanes::size; ++l)
-  {
-    row[l] = rows[static_cast<std::size_t>(node(l))].c.data();
-    v[l] = row[l] + DefectRow::v;
-  }
+    row[l] = first + size * static_cast<std::size_t>(twice(l));
   Lanes column[4];
   EightRows(row).columns(column);
-  Defect<2, Lanes> defects{.defect = column[DefectRow::defect],
-                           .M = column[DefectRow::M],
-                           .share = column[DefectRow::share],
-                           .v = {}};
-  load_pairs(v, defects.v[0], defects.v[1]);
-  return defects;
+  return {.defect = column[DefectRow::defect],
+          .M = column[DefectRow::M],
+          .v = {{column[DefectRow::v], column[DefectRow::v + 1]}}};
 }
 
-/// Of the nodes [first, first + 8) of a group, from their rings: a node has one element on the edge to a
-/// neighbour beside which its ring is open, else two.
-Spread<2, Lanes> spread_to_group(const Rings& rings, std::size_t group, index_t first,
-                                 const UntouchedRows<NodeRecord<2>>& rows, const Defect<2, Lanes>& here)
+/// What goes along the edges of nodes first, first + 1, … of a group, up to `last`, row by row of their ring:
+/// the smaller share of both ends, of each element. A node has one element on the edge to a neighbour beside
+/// which its ring is open, else two.
+void find_edge_shares(std::span<const Rings::Row> ring, index_t first, index_t last, const DefectRows& rows,
+                      Lanes* shares)
 {
   constexpr std::size_t L = Lanes::size;
-  const std::span<const Rings::Row> ring{rings.row.data() + rings.begin[group],
-                                         rings.row.data() + rings.begin[group + 1]};
   std::array<int, L> open{}; // somewhere, hence before the first neighbour
   const auto is_self = [first](const Rings::Row& row, std::size_t l)
   { return row[l] == 2 * (first + static_cast<index_t>(l)) ? 1 : 0; };
+  const auto share = [&rows](index_t n) { return rows[static_cast<std::size_t>(n)].c[DefectRow::share<2>]; };
   for (const Rings::Row& row : ring)
     for (std::size_t l = 0; l < L; ++l)
       open[l] |= is_self(row, l);
-  Spread<2, Lanes> spread;
   for (std::size_t k = 0; k < ring.size(); ++k)
   {
-    typedef int Ints __attribute__((vector_size(L * sizeof(int))));
     const Rings::Row &row = ring[k], &next = ring[k + 1 < ring.size() ? k + 1 : 0];
-    Ints elements;
     for (std::size_t l = 0; l < L; ++l)
     {
-      const int before = k == 0 ? open[l] : is_self(ring[k - 1], l);
-      elements[l] = k > 0 && row[l] == ring[0][l] ? 0 : 2 - before - is_self(next, l); // 0: has come round
+      const int before = k == 0 ? open[l] : is_self(ring[k - 1], l),
+                elements = k > 0 && row[l] == ring[0][l] ? 0 // has come round
+                                                         : 2 - before - is_self(next, l);
+      const index_t n = std::min(first + static_cast<index_t>(l), last);
+      shares[k].set(static_cast<int>(l), elements * std::min(share(n), share(row[l] / 2)));
     }
-    const Defect<2, Lanes> there =
-        load_defects(rows, [&row](int l) { return row[static_cast<std::size_t>(l)] / 2; });
-    spread.add(here, there, Lanes(__builtin_convertvector(elements, Lanes::Numbers)));
   }
-  return spread;
 }
 
 /// Patches of elements: nodes that share an element belong together.
@@ -207,47 +210,48 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
       for (index_t& n : e)
         n = number[static_cast<std::size_t>(n)];
   std::span<const Simplex<dim>> now = mesh_.elements;
-  std::vector<Simplex<dim>> own;
+  std::vector<Simplex<dim>> earlier; // and before them
   if (!ranks().alone())
   {
     std::vector<std::vector<Simplex<dim>>> to(static_cast<std::size_t>(ranks().size()));
     const auto first = team_.nodes_of_ranks();
-    auto r = to.begin();
+    std::size_t kept = 0;
     for (const auto& e : old)
     {
       const index_t lowest = std::max(0, *std::min_element(e.begin(), e.end())); // what is gone is rank 0's
-      const auto k = r - to.begin(); // mostly that of the one before
-      if (lowest < first[static_cast<std::size_t>(k)] || lowest >= first[static_cast<std::size_t>(k) + 1])
-        r = to.begin() + (std::upper_bound(first.begin() + 1, first.end(), lowest) - first.begin() - 1);
-      r->push_back(e);
+      if (team_.owns(lowest))
+        old[kept++] = e;
+      else
+        to[static_cast<std::size_t>(owner(first, lowest))].push_back(e);
     }
-    old.clear();
-    for (const auto& part : ranks().exchange(to))
-      old.insert(old.end(), part.begin(), part.end());
+    old.resize(kept);
+    const auto me = static_cast<std::ptrdiff_t>(ranks().rank());
+    const auto parts = ranks().exchange(std::move(to));
+    for (auto part = parts.begin(); part != parts.end(); ++part) // in the order of the ranks
+      old.insert(part < parts.begin() + me ? old.end() - static_cast<std::ptrdiff_t>(kept) : old.end(),
+                 part->begin(), part->end());
     for (const index_t e : team_.earlier())
       if (mesh_.elements[static_cast<std::size_t>(e)][0] >= team_.node_begin())
-        own.push_back(mesh_.elements[static_cast<std::size_t>(e)]);
-    for (const auto& e : own_elements())
-      if (e[0] < team_.node_end())
-        own.push_back(e);
-    now = own;
+        earlier.push_back(mesh_.elements[static_cast<std::size_t>(e)]);
+    now = own_elements();
+    now = now.first(static_cast<std::size_t>(first_element_from<dim>(now, team_.node_end())));
   }
   if (!same_numbers)
     old = sorted_elements<dim>(std::move(old));
   std::vector<Simplex<dim>> changed;
-  for (std::size_t o = 0, k = 0; o < old.size() || k < now.size();)
-    if (k == now.size() || (o < old.size() && old[o] < now[k]))
-      changed.push_back(old[o++]);
-    else if (o == old.size() || now[k] < old[o])
-      changed.push_back(now[k++]);
-    else
+  const auto has_moved = [&](index_t n) { return moved[static_cast<std::size_t>(n)] != 0; };
+  auto o = old.begin();
+  for (const auto& part : {std::span<const Simplex<dim>>(earlier), now})
+    for (const auto& e : part)
     {
-      if (std::any_of(now[k].begin(), now[k].end(),
-                      [&](index_t n) { return moved[static_cast<std::size_t>(n)]; }))
-        changed.push_back(now[k]);
-      ++o;
-      ++k;
+      while (o != old.end() && *o < e)
+        changed.push_back(*o++);
+      const bool new_here = o == old.end() || e < *o;
+      if (new_here || std::any_of(e.begin(), e.end(), has_moved))
+        changed.push_back(e);
+      o += !new_here;
     }
+  changed.insert(changed.end(), o, old.end());
   return ranks().gather(changed);
 }
 
@@ -503,71 +507,153 @@ Vec<dim> Fluid<dim>::as_it_may(Vec<dim> dv, std::size_t n) const
 /// In a sweep all fluxes go by the state at its begin; a node gives at most 0.6 of its mass. Nodes keep their
 /// velocities, which conserves momentum of a linear field, unless that would raise the kinetic energy: then a
 /// receiver takes over as much of the velocity it received as keeps it. The coupler knows the velocity of wet
-/// nodes; they keep it. Collective: each rank sweeps over its nodes.
+/// nodes; they keep it. Collective: each rank sweeps over its nodes, and takes as many sweeps in one pass as
+/// they need nothing of its neighbours; these follow near the cuts, sweep by sweep.
 template <int dim>
 void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
 {
   constexpr int sweeps = dim == 2 ? 7 : 14;
   auto& rows = sums_.record;
-  const auto begin_sweep = [&](const Share& share)
+  std::vector<Lanes> edge_share; // in the plane, beside the rows of the rings
+  const auto group_of = [this](index_t n)
+  { return static_cast<std::size_t>((n - mesh_.first_with_fan) / Lanes::size); };
+  const auto first_of = [this](std::size_t group)
+  { return mesh_.first_with_fan + static_cast<index_t>(group) * Lanes::size; };
+  const auto ring_of = [this](std::size_t group) -> std::span<const Rings::Row>
   {
-    for (index_t n = share.node_begin; n < share.node_end; ++n)
+    const auto* row = mesh_.rings.row.data();
+    return {row + mesh_.rings.begin[group], row + mesh_.rings.begin[group + 1]};
+  };
+  const auto half_of = [](int sweep) { return sweep % 2 * DefectRow::half<dim>; }; // that it begins with
+  const auto write_row = [&](index_t n, int to)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    double* row = rows[i].c.data() + to;
+    row[DefectRow::defect] = nodes_.M[i] - nodes_.m[i];
+    row[DefectRow::M] = std::max(nodes_.M[i], 0.0);
+    std::copy(v_half[i].c.begin(), v_half[i].c.end(), row + DefectRow::v);
+  };
+  const auto change = [&](index_t n, int sweep, const Vec<dim>& dv)
+  {
+    if (n >= n_wet_)
     {
-      const auto i = static_cast<std::size_t>(n);
-      auto& row = rows[i].c;
-      row[DefectRow::defect] = nodes_.M[i] - nodes_.m[i];
-      row[DefectRow::M] = std::max(nodes_.M[i], 0.0);
-      std::copy(v_half[i].c.begin(), v_half[i].c.end(), row.begin() + DefectRow::v);
+      v_half[static_cast<std::size_t>(n)] += dv;
+      nodes_.v[static_cast<std::size_t>(n)] += dv;
     }
+    write_row(n, half_of(sweep + 1));
   };
-  const auto take = [&](std::size_t i, double dM, const Received<dim>& received)
+  const auto exchange = [&](index_t begin, index_t end_of_all, int sweep)
   {
-    nodes_.M[i] += dM;
-    if (static_cast<index_t>(i) < n_wet_)
-      return;
-    const Vec<dim> dv = change_of_velocity<dim>(nodes_.M[i], defect_of<dim>(rows[i]).v, received);
-    v_half[i] += dv;
-    nodes_.v[i] += dv;
-  };
-  const auto exchange = [&](const Share& share)
-  {
+    const int half = half_of(sweep);
     if constexpr (dim == 2)
-      for (index_t n = share.node_begin; n < share.node_end;)
+      for (index_t n = begin, end; n < end_of_all; n = end)
       {
-        const auto group = static_cast<std::size_t>((n - mesh_.first_with_fan) / Lanes::size);
-        const index_t first = mesh_.first_with_fan + static_cast<index_t>(group) * Lanes::size,
-                      end = std::min({first + Lanes::size, share.node_end, mesh_.end_with_fan()});
-        const Spread<2, Lanes> spread =
-            spread_to_group(mesh_.rings, group, first, rows,
-                            load_defects(rows, [&](int l) { return std::min(first + l, end - 1); }));
-        for (; n < end; ++n)
-        {
-          const int l = n - first;
-          take(static_cast<std::size_t>(n), spread.dM[l],
-               {spread.received.mass[l],
-                {{spread.received.momentum[0][l], spread.received.momentum[1][l]}},
-                spread.received.energy[l]});
-        }
+        const std::size_t group = group_of(n);
+        const index_t first = first_of(group);
+        end = std::min({first + Lanes::size, end_of_all, mesh_.end_with_fan()});
+        const Defect<2, Lanes> here =
+            load_defects(rows, half, [&](int l) { return 2 * std::min(first + l, end - 1); });
+        Spread<2, Lanes> spread;
+        const Lanes* s = edge_share.data() + mesh_.rings.begin[group];
+        for (const Rings::Row& row : ring_of(group))
+          spread.add(here,
+                     load_defects(rows, half, [&row](int l) { return row[static_cast<std::size_t>(l)]; }),
+                     *s++);
+        Lanes M;
+        for (index_t i = n; i < end; ++i)
+          M.set(i - first, nodes_.M[static_cast<std::size_t>(i)] += spread.dM[i - first]);
+        const Vec<2, Lanes> dv = change_of_velocity<2, Lanes>(M, here.v, spread.received);
+        for (index_t i = n; i < end; ++i)
+          change(i, sweep, {{dv[0][i - first], dv[1][i - first]}});
       }
     else
-      for (index_t n = share.node_begin; n < share.node_end; ++n)
+      for (index_t n = begin; n < end_of_all; ++n)
       {
-        const auto defect = [&rows](index_t j) { return defect_of<dim>(rows[static_cast<std::size_t>(j)]); };
+        const auto row = [&](index_t j) { return rows[static_cast<std::size_t>(j)].c.data() + half; };
+        const auto share_of = [&](index_t j)
+        { return rows[static_cast<std::size_t>(j)].c[DefectRow::share<dim>]; };
+        const auto here = defect_of<dim>(row(n));
         Spread<dim, double> spread;
         for (const auto& entry : mesh_.fan(n))
           for (const index_t j : entry.opposite)
-            spread.add(defect(n), defect(j), 1.0);
-        take(static_cast<std::size_t>(n), spread.dM, spread.received);
+            spread.add(here, defect_of<dim>(row(j)), std::min(share_of(n), share_of(j)));
+        double& M = nodes_.M[static_cast<std::size_t>(n)];
+        M += spread.dM;
+        change(n, sweep, change_of_velocity<dim, double>(M, here.v, spread.received));
       }
   };
-  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
-    rows[static_cast<std::size_t>(n)].c[DefectRow::share] =
-        mesh_.isolated(n) ? 0.0 : 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
-  for (int sweep = 0; sweep < sweeps; ++sweep)
+  const auto share_out_edges = [&](const Share& share)
   {
-    team_.each(begin_sweep);
+    if constexpr (dim == 2)
+    {
+      const index_t end = std::min(share.node_end, mesh_.end_with_fan());
+      for (std::size_t group = group_of(share.node_begin + Lanes::size - 1); first_of(group) < end; ++group)
+        find_edge_shares(ring_of(group), first_of(group), mesh_.end_with_fan() - 1, rows,
+                         edge_share.data() + mesh_.rings.begin[group]);
+    }
+  };
+  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
+  {
+    rows[static_cast<std::size_t>(n)].c[DefectRow::share<dim>] =
+        mesh_.isolated(n) ? 0.0 : 0.6 / static_cast<double>(dim * mesh_.n_elements_at(n));
+    write_row(n, half_of(0));
+  }
+  halo_.update(rows);
+  if (dim == 2)
+  {
+    edge_share.resize(mesh_.rings.row.size());
+    team_.each(share_out_edges);
+  }
+  index_t reach = 0; // of an element: what a node gets in a sweep is of nodes so far off
+  const auto look_at = [&reach](const Simplex<dim>& e)
+  { reach = std::max(reach, *std::max_element(e.begin(), e.end()) - e[0]); };
+  for (const index_t e : team_.earlier())
+    look_at(mesh_.elements[static_cast<std::size_t>(e)]);
+  const auto elements = own_elements();
+  std::for_each(elements.begin(), elements.end(), look_at);
+  reach = (reach + Lanes::size - 1) / Lanes::size * Lanes::size;
+  const auto inner = [&](const Share& share, int sweep) -> std::array<index_t, 2> // what needs no neighbour
+  {
+    const auto layers = static_cast<index_t>(std::min<std::int64_t>(
+        std::int64_t{sweep} * reach, share.node_end - share.node_begin)); // of the sweeps before
+    const index_t begin = share.node_begin + (share.node_begin > 0 ? layers : 0);
+    return {begin, std::max(begin, share.node_end - (share.node_end < nodes_.size() ? layers : 0))};
+  };
+  team_.each(
+      [&](const Share& share)
+      {
+        constexpr index_t block = 256;
+        std::array<index_t, sweeps> next;
+        for (int sweep = 0; sweep < sweeps; ++sweep)
+          next[static_cast<std::size_t>(sweep)] = inner(share, sweep)[0];
+        for (bool more = true; more;)
+        {
+          more = false;
+          index_t may = next[0] + block; // before it all neighbours have done the sweep before
+          for (int sweep = 0; sweep < sweeps; ++sweep)
+          {
+            index_t& at = next[static_cast<std::size_t>(sweep)];
+            const index_t all = inner(share, sweep)[1], end = std::min(may, all);
+            if (at < end)
+            {
+              exchange(at, end, sweep);
+              at = end;
+            }
+            more = more || at < all;
+            may = at == all ? share.node_end : at - reach;
+          }
+        }
+      });
+  for (int sweep = 1; sweep < sweeps && (!ranks().alone() || team_.threads() > 1); ++sweep)
+  {
     halo_.update(rows);
-    team_.each(exchange);
+    team_.each(
+        [&](const Share& share)
+        {
+          const auto [begin, end] = inner(share, sweep);
+          exchange(share.node_begin, begin, sweep);
+          exchange(end, share.node_end, sweep);
+        });
   }
 }
 

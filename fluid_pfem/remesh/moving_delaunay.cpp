@@ -1,9 +1,13 @@
 // Edge flips with exact predicates.
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
 
+#include "common/lanes.hpp"
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace undine::fluid
 {
@@ -27,18 +31,27 @@ int orientation(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c)
   return exact_orientation(a, b, c);
 }
 
+/// Of one d and its triangle (a, b, c), or of eight: positive if d lies inside the circle, and how large it
+/// is by rounding alone, at most.
+template <class Real>
+std::pair<Real, Real> in_circle_and_error(const Vec<2, Real>& a, const Vec<2, Real>& b, const Vec<2, Real>& c,
+                                          const Vec<2, Real>& d)
+{
+  using std::abs;
+  const Real adx = a[0] - d[0], ady = a[1] - d[1], bdx = b[0] - d[0], bdy = b[1] - d[1], cdx = c[0] - d[0],
+             cdy = c[1] - d[1];
+  const Real bc = bdx * cdy, cb = cdx * bdy, ca = cdx * ady, ac = adx * cdy, ab = adx * bdy, ba = bdx * ady;
+  const Real a2 = adx * adx + ady * ady, b2 = bdx * bdx + bdy * bdy, c2 = cdx * cdx + cdy * cdy;
+  const Real det = a2 * (bc - cb) + b2 * (ca - ac) + c2 * (ab - ba);
+  const Real permanent = a2 * (abs(bc) + abs(cb)) + b2 * (abs(ca) + abs(ac)) + c2 * (abs(ab) + abs(ba));
+  return {det, Real((10.0 + 96.0 * half_ulp) * half_ulp) * permanent};
+}
+
 /// +1: d lies inside the circle through the positive triangle (a, b, c). Never 0: four cocircular points are
 /// decided by their coordinates like in CGAL (Devillers & Teillaud 2003).
 int in_circle(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d)
 {
-  const double adx = a[0] - d[0], ady = a[1] - d[1], bdx = b[0] - d[0], bdy = b[1] - d[1], cdx = c[0] - d[0],
-               cdy = c[1] - d[1];
-  const double bc = bdx * cdy, cb = cdx * bdy, ca = cdx * ady, ac = adx * cdy, ab = adx * bdy, ba = bdx * ady;
-  const double a2 = adx * adx + ady * ady, b2 = bdx * bdx + bdy * bdy, c2 = cdx * cdx + cdy * cdy;
-  const double det = a2 * (bc - cb) + b2 * (ca - ac) + c2 * (ab - ba);
-  const double permanent = a2 * (std::abs(bc) + std::abs(cb)) + b2 * (std::abs(ca) + std::abs(ac)) +
-                           c2 * (std::abs(ab) + std::abs(ba));
-  const double error = (10.0 + 96.0 * half_ulp) * half_ulp * permanent;
+  const auto [det, error] = in_circle_and_error<double>(a, b, c, d);
   if (det > error)
     return 1;
   if (det < -error)
@@ -168,7 +181,7 @@ bool MovingDelaunay<2>::positive(const Triangle& t) const
 int MovingDelaunay<2>::edge_to(index_t t, index_t other) const
 {
   const auto& next = triangles_[static_cast<std::size_t>(t)].next;
-  return next[0] == other ? 0 : next[1] == other ? 1 : 2;
+  return (next[1] == other) + 2 * (next[2] == other); // without branches that nobody can foresee
 }
 
 int MovingDelaunay<2>::corner_of(index_t t, index_t v) const
@@ -237,6 +250,54 @@ void MovingDelaunay<2>::flip(index_t t, int k)
   ++count_.flips;
 }
 
+/// All edges that want to be flipped, onto the stack: eight are looked at together, and again one by one
+/// those of inverted triangles, and where rounding decides.
+void MovingDelaunay<2>::find_flips()
+{
+  constexpr int L = Lanes::size;
+  std::array<std::pair<index_t, int>, L> edge;
+  const double* point[4][L] = {};
+  int count = 0;
+  const auto look = [&]
+  {
+    std::array<Vec<2, Lanes>, 4> p;
+    for (std::size_t k = 0; k < 4; ++k)
+      load_pairs(point[k], p[k][0], p[k][1]);
+    const auto [det, error] = in_circle_and_error<Lanes>(p[0], p[1], p[2], p[3]);
+    const auto outside = det < -error; // for sure
+    for (int l = 0; l < count; ++l)
+    {
+      const auto [t, k] = edge[static_cast<std::size_t>(l)];
+      const index_t u = triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)];
+      const bool plain = positive_[static_cast<std::size_t>(t)] && positive_[static_cast<std::size_t>(u)];
+      if ((!plain || !lane(outside, l)) && wants_flip(t, k, true))
+        stack_.push_back({t, k});
+    }
+    count = 0;
+  };
+  stack_.clear();
+  for (index_t t = 0; t < static_cast<index_t>(triangles_.size()); ++t)
+    for (int k = 0; k < 3; ++k)
+    {
+      const Triangle& p = triangles_[static_cast<std::size_t>(t)];
+      const auto k0 = static_cast<std::size_t>(k);
+      const index_t u = std::max(p.next[k0], t); // t itself: this edge counts once, from its other side
+      const index_t d = triangles_[static_cast<std::size_t>(u)].v[static_cast<std::size_t>(edge_to(u, t))];
+      constexpr std::array<std::size_t, 5> turn{0, 1, 2, 0, 1};
+      const std::array<index_t, 4> corner{p.v[k0], p.v[turn[k0 + 1]], p.v[turn[k0 + 2]], d};
+      for (std::size_t c = 0; c < 4; ++c)
+        point[c][count] = x_[static_cast<std::size_t>(corner[c])].c.data();
+      edge[static_cast<std::size_t>(count)] = {t, k};
+      count += u > t; // no branch: half of the edges, in no order
+      if (count == L)
+        look();
+    }
+  for (std::size_t c = 0; c < 4 && count > 0; ++c)
+    std::fill(point[c] + count, point[c] + L, point[c][0]);
+  if (count > 0)
+    look();
+}
+
 /// @returns false if triangles stay inverted; their connectivity is of no use then
 bool MovingDelaunay<2>::repair()
 {
@@ -252,12 +313,7 @@ bool MovingDelaunay<2>::repair()
   }
   if (50 * inverted > n) // hopeless, or the points have left the square
     return false;
-  stack_.clear();
-  for (index_t t = 0; t < n; ++t)
-    for (int k = 0; k < 3; ++k)
-      if (triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)] > t &&
-          wants_flip(t, k, true))
-        stack_.push_back({t, k});
+  find_flips();
   std::int64_t left = 20 * static_cast<std::int64_t>(n), walks = 16 * inverted;
   while (!stack_.empty())
   {

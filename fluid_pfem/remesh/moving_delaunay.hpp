@@ -77,6 +77,7 @@ private:
     std::array<index_t, 3> v, next;
   };
 
+  void find_flips();
   bool repair();
   void rebuild(double least_extent);
   bool positive(const Triangle& t) const;

@@ -79,8 +79,42 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
   for (std::size_t q = 0; q < queries.size(); ++q)
     in_bin[static_cast<std::size_t>(next[bin_of(cell_of(queries[q]))]++)] = static_cast<index_t>(q);
 
+  // Queries are near boundaries, most elements are not: where no query is within so many bins of its first
+  // corner, an element that is no wider holds none.
+  constexpr long wide = 2;
+  std::vector<char> near(total, 0);
+  const auto within = [&](std::array<long, dim> cell)
+  {
+    for (std::size_t i = 0; i < dim; ++i)
+      cell[i] = std::clamp(cell[i], 0L, cells[i] - 1);
+    return cell;
+  };
+  for (std::size_t b = 0; b < total; ++b)
+    if (begin[b] < begin[b + 1])
+    {
+      std::array<long, dim>
+          first = cell_of(queries[static_cast<std::size_t>(in_bin[static_cast<std::size_t>(begin[b])])]),
+          last = first;
+      for (std::size_t i = 0; i < dim; ++i)
+      {
+        first[i] -= wide + 1;
+        last[i] += wide + 1;
+      }
+      for_each_cell<dim>(within(first), within(last), [&](const auto& cell) { near[bin_of(cell)] = 1; });
+    }
+  const auto is_far = [&](const std::array<Vec<dim>, dim + 1>& corner)
+  {
+    double width = 0.0;
+    for (std::size_t a = 1; a <= dim; ++a)
+      for (int i = 0; i < dim; ++i)
+        width = std::max(width, std::abs(corner[a][i] - corner[0][i]));
+    return width < wide * bin && !near[bin_of(within(cell_of(corner[0])))];
+  };
+
   const auto look_at = [&](const std::array<Vec<dim>, dim + 1>& corner)
   {
+    if (is_far(corner))
+      return;
     Vec<dim> low = corner[0], high = corner[0];
     for (const auto& p : corner)
       for (int i = 0; i < dim; ++i)
@@ -106,11 +140,6 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
       beside = beside || first[i] > last[i];
     }
     if (beside)
-      return;
-    bool any = false;
-    for_each_cell<dim>(first, last,
-                       [&](const auto& cell) { any = any || begin[bin_of(cell)] < begin[bin_of(cell) + 1]; });
-    if (!any) // as mostly: queries are near boundaries
       return;
     const double V = signed_volume<dim, double>(corner);
     if (!(V > 0.0))
@@ -198,7 +227,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
         asked[r].push_back(queries[q]);
         number[r].push_back(q);
       }
-  asked = ranks.exchange(asked);
+  asked = ranks.exchange(std::move(asked));
   std::vector<Vec<dim>> all;
   for (const auto& points : asked)
     all.insert(all.end(), points.begin(), points.end());
@@ -211,7 +240,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
     answers[r].assign(from, end);
     from = end;
   }
-  answers = ranks.exchange(answers);
+  answers = ranks.exchange(std::move(answers));
   std::vector<char> found(queries.size(), 0);
   for (std::size_t r = 0; r < boxes.size(); ++r)
     for (std::size_t k = 0; k < number[r].size(); ++k)
