@@ -3,6 +3,7 @@
 #include "fluid_pfem/fluid.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <utility>
 #include <vector>
@@ -205,18 +206,36 @@ void Fluid<dim>::find_reach_of_blocks()
 template <int dim>
 int Fluid<dim>::find_ladders()
 {
+  const auto mean = [](const std::vector<Rung>& ladder)
+  {
+    double sum = 0.0;
+    for (const Rung& rung : ladder)
+      sum += rung.gets;
+    return sum / static_cast<double>(ladder.size());
+  };
+  // Each thread shall have its share in the mean of the steps.
+  const auto ladder_around = [&](index_t middle, int steps)
+  {
+    std::vector<Rung> best;
+    for (index_t begin = middle; begin > team_.node_begin(); begin -= Walls<dim>::block_size)
+    {
+      std::vector<Rung> ladder = ladder_from(begin, steps);
+      const double off = ladder.empty() ? 0.0 : mean(ladder) - middle;
+      if (best.empty() || std::abs(off) < std::abs(mean(best) - middle))
+        best = std::move(ladder);
+      if (off < 0.0)
+        break;
+    }
+    return best;
+  };
   const auto& shares = team_.shares();
   for (int steps = std::min(sweep_steps_, most_steps_of_several); steps > 1; --steps)
   {
     ladders_.clear();
     index_t free = team_.node_begin(); // of what the threads below read and write
-    for (std::size_t t = 1; t < shares.size() && free < team_.node_end(); ++t)
+    for (std::size_t t = 1; t < shares.size(); ++t)
     {
-      // Each thread shall have its share in the mean of the steps.
-      const index_t middle = shares[t].node_begin;
-      std::vector<Rung> ladder = ladder_from(middle, steps);
-      if (!ladder.empty())
-        ladder = ladder_from(middle - (ladder.front().gets + ladder.back().gets) / 2 + middle, steps);
+      std::vector<Rung> ladder = ladder_around(shares[t].node_begin, steps);
       if (ladder.empty() || ladder.front().moves <= free)
         break;
       free = ladder.back().exchanges;
@@ -259,8 +278,6 @@ auto Fluid<dim>::ladder_from(index_t begin, int steps) const -> std::vector<Rung
     return round_up(std::max(end, n), Lanes::size, team_.node_end());
   };
   std::vector<Rung> ladder;
-  if (begin <= team_.node_begin())
-    return ladder;
   for (index_t free = begin; std::ssize(ladder) < steps; free = ladder.back().exchanges)
   {
     Rung rung;
