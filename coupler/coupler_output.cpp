@@ -72,6 +72,7 @@ void CouplerOutput::observe(const WindowRecord& r)
   coupler_wait_ = r.wait_seconds;
   builds_ = r.searches;
   factorisations_ = r.solves;
+  iterations_ = r.iterations;
   if (start)
   {
     total_at_start_ = total_now_;
@@ -221,6 +222,7 @@ void CouplerOutput::write_summary(const std::string& status) const
   s.set("coupler.steps_without_exchange", flown_);
   s.set("coupler.operator_builds", builds_);
   s.set("coupler.factorisations", factorisations_);
+  s.set("coupler.gradient_iterations", iterations_);
   s.set("coupler.fluid_compute_s", compute_[Side::fluid]);
   s.set("coupler.fluid_wait_s", wait_[Side::fluid]);
   s.set("coupler.solid_compute_s", compute_[Side::solid]);

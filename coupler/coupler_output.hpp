@@ -64,7 +64,7 @@ private:
   double coupler_wait_ = 0.0;   ///< [s]
   double largest_window_ = 0.0; ///< [s]
   std::int64_t stalled_ = 0;    ///< windows in a row that were far shorter
-  std::int64_t builds_ = 0, factorisations_ = 0;
+  std::int64_t builds_ = 0, factorisations_ = 0, iterations_ = 0;
 };
 
 } // namespace undine::coupler

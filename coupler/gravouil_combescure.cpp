@@ -15,9 +15,6 @@ namespace undine::coupler
 namespace
 {
 
-std::span<double> as_span(Vector& v) { return {v.data(), static_cast<std::size_t>(v.size())}; }
-std::span<const double> as_span(const Vector& v) { return {v.data(), static_cast<std::size_t>(v.size())}; }
-
 /// Sum of the nodal vectors, one entry per component.
 Vector resultant(const Vector& f, int dim)
 {
@@ -37,6 +34,7 @@ GravouilCombescure::GravouilCombescure(InterfaceOperator H, int dim) : dim_(dim)
 void GravouilCombescure::replace_operator(InterfaceOperator H)
 {
   factorisations_ += H_.factorisations();
+  iterations_ += H_.iterations();
   H_ = std::move(H);
   lambda_ = Vector::Zero(H_.n_multipliers());
   lambda_before_ = lambda_;
@@ -90,6 +88,7 @@ GravouilCombescure::Start GravouilCombescure::activate_prescribed(const Vector& 
   balance_.activation_loss -= 0.5 * Lambda.dot(jump);
   lambda_ =
       H_.solve(1.0, 0.0, -H_.constraint(Side::fluid, a_free_fluid)); // the solid's acceleration is not known
+  lambda_before_ = lambda_;
   Start start;
   start_side(Side::fluid, v_fluid, Lambda, start);
   v_[Side::solid] = v_solid;
@@ -102,8 +101,7 @@ void GravouilCombescure::advance_prescribed(double dt, Partner& fluid, const Vec
   Vector v_free(H_.n_dofs(Side::fluid));
   fluid.receive_free_velocity(as_span(v_free));
   const Vector lambda_begin = lambda_;
-  lambda_ =
-      H_.solve(0.5 * dt, 0.0, -(H_.constraint(Side::fluid, v_free) + H_.constraint(Side::solid, v_solid)));
+  next_lambda(0.5 * dt, 0.0, -(H_.constraint(Side::fluid, v_free) + H_.constraint(Side::solid, v_solid)));
   const Vector f_link = H_.force(Side::fluid, lambda_);
   fluid.send_link_force(as_span(f_link));
   record_step(Side::solid, dt, v_solid, f_[Side::solid]); // it was driven by the force of the step before
@@ -116,13 +114,12 @@ void GravouilCombescure::advance_prescribed(double dt, Partner& fluid, const Vec
 
 double GravouilCombescure::added_mass_ratio()
 {
-  const SparseMatrix A_solid = H_.assemble(0.0, 1.0);
   Vector x = Vector::LinSpaced(H_.n_multipliers(), 1.0, 2.0);
   double q = 0.0;
   for (int k = 0; k < 200 && x.norm() > 0.0; ++k) // power iteration: similar to a symmetric matrix
   {
     x /= x.norm();
-    x = H_.solve(1.0, 0.0, A_solid * x);
+    x = H_.solve(1.0, 0.0, H_.product(Side::solid, x), q * x);
     q = x.norm();
   }
   return q;
@@ -133,6 +130,7 @@ void GravouilCombescure::turn_operator(InterfaceOperator H)
   require(H.n_dofs(Side::fluid) == v_[Side::fluid].size() && H.n_dofs(Side::solid) == v_[Side::solid].size(),
           "the same wet nodes");
   factorisations_ += H_.factorisations();
+  iterations_ += H_.iterations();
   H_ = std::move(H);
 }
 
@@ -165,6 +163,12 @@ void GravouilCombescure::for_each_state(StateArchive& archive)
   archive("window_time", window_time_);
 }
 
+void GravouilCombescure::next_lambda(double alpha_fluid, double alpha_solid, const Vector& rhs)
+{
+  const Vector start = 2.0 * lambda_ - lambda_before_;
+  lambda_before_ = std::exchange(lambda_, H_.solve(alpha_fluid, alpha_solid, rhs, start));
+}
+
 void GravouilCombescure::advance(const WindowSteps& steps, Partner& fluid, Partner& solid)
 {
   const Side c = steps.coarse(), q = steps.fine;
@@ -184,8 +188,7 @@ void GravouilCombescure::advance(const WindowSteps& steps, Partner& fluid, Partn
   {
     fine.receive_free_velocity(as_span(v_free));
     const double s = static_cast<double>(j) / static_cast<double>(steps.m);
-    lambda_ =
-        H_.solve(alpha_fluid, alpha_solid, -((1.0 - s) * L_begin + s * L_end + H_.constraint(q, v_free)));
+    next_lambda(alpha_fluid, alpha_solid, -((1.0 - s) * L_begin + s * L_end + H_.constraint(q, v_free)));
     const Vector f_link = H_.force(q, lambda_);
     fine.send_link_force(as_span(f_link));
     record_step(q, dt, v_free + 0.5 * dt * H_.acceleration(q, f_link), f_link);
@@ -297,8 +300,8 @@ void GravouilCombescure::advance_half_step(double dt, Partner& fluid, Partner& s
     v[s].resize(H_.n_dofs(s));
     side[s]->receive_free_velocity(as_span(v[s]));
   }
-  lambda_ = H_.solve(
-      dt, dt, -(H_.constraint(Side::fluid, v[Side::fluid]) + H_.constraint(Side::solid, v[Side::solid])));
+  next_lambda(dt, dt,
+              -(H_.constraint(Side::fluid, v[Side::fluid]) + H_.constraint(Side::solid, v[Side::solid])));
   for (const Side s : both_sides)
   {
     f_[s] = H_.force(s, lambda_);

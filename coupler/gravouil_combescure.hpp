@@ -127,9 +127,12 @@ public:
 
   const InterfaceBalance& balance() const { return balance_; }
   std::int64_t factorisations() const { return factorisations_ + H_.factorisations(); }
+  std::int64_t iterations() const { return iterations_ + H_.iterations(); } ///< of conjugate gradients
   const Vector& lambda() const { return lambda_; }
 
 private:
+  /// λ ← H⁻¹ rhs, sought from where the last two point to.
+  void next_lambda(double alpha_fluid, double alpha_solid, const Vector& rhs);
   void record_step(Side side, double dt, const Vector& v_new, const Vector& f_new);
   void record_window();
   void start_side(Side side, const Vector& v, const Vector& Lambda, Start& start);
@@ -150,7 +153,7 @@ private:
   };
 
   Secants secants_;
-  Vector lambda_before_; ///< multiplier at the begin of the last window, for macro continuity
+  Vector lambda_before_; ///< multiplier of the step before; macro continuity: at the begin of the last window
   Vector lambda_;
   std::array<Vector, 2> v_;      ///< total velocity of each side at the last synchronised time
   std::array<Vector, 2> f_;      ///< link force of each side at that time
@@ -159,7 +162,7 @@ private:
   std::array<Vector, 2> window_force_; ///< ∫ f dt of the window so far, at its end divided by it
   std::array<double, 2> window_time_{0.0, 0.0};
   InterfaceBalance balance_;
-  std::int64_t factorisations_ = 0; ///< of operators that were replaced
+  std::int64_t factorisations_ = 0, iterations_ = 0; ///< of operators that were replaced
 };
 
 } // namespace undine::coupler

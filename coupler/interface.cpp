@@ -94,6 +94,15 @@ InterfaceReport append_interface(const InterfaceConfig& config, double search_di
   return report;
 }
 
+Solver solver_for(const CouplingConfig& coupling, int dim, int multipliers)
+{
+  if (coupling.lumped)
+    return Solver::row_sums;
+  const bool large = dim == 3 && multipliers >= gradients_from;
+  return coupling.solver == "gradients" || (coupling.solver == "auto" && large) ? Solver::gradients
+                                                                                : Solver::factor;
+}
+
 } // namespace
 
 Interface::Interface(const CouplingConfig& coupling, link::SurfaceMesh fluid, link::SurfaceMesh solid,
@@ -164,7 +173,8 @@ InterfaceOperator Interface::build()
     side[s].inverse_mass = inverse_mass_of(surface_[s]);
   }
   ++builds_;
-  return {std::move(side[Side::fluid]), std::move(side[Side::solid]), coupling_.lumped};
+  return {std::move(side[Side::fluid]), std::move(side[Side::solid]),
+          solver_for(coupling_, surface[0]->dim, rows.count), team_};
 }
 
 void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& m)

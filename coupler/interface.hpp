@@ -29,6 +29,10 @@ struct InterfaceReport
   std::pair<int, int> rows{0, 0};    ///< its rows of the operator
 };
 
+/// Multipliers from which on gradients are cheaper than a factor in space, with a new operator in every
+/// window of 20 solutions; docs/benchmarks/scaling.md. In the plane a factor costs less than two solutions.
+inline constexpr int gradients_from = 10000;
+
 /// Hand over a wet surface.
 void archive_surface(StateArchive& archive, const std::string& name, link::SurfaceMesh& surface);
 

@@ -45,7 +45,16 @@ double largest_over_row_sums(const SparseMatrix& C, const Vector& D)
   return largest;
 }
 
+constexpr const char* twice = "two interface rows constrain the same motion (do two interfaces share a "
+                              "facet, or do both sides prescribe the same velocity?)";
+
 } // namespace
+
+Eigen::Array<bool, Eigen::Dynamic, 1> movable_rows(const Vector& diagonal)
+{
+  const double largest = diagonal.size() > 0 ? diagonal.maxCoeff() : 0.0;
+  return diagonal.array() > 1e-12 * largest;
+}
 
 void InterfaceOperator::lump()
 {
@@ -64,20 +73,20 @@ void InterfaceOperator::lump()
   }
 }
 
-InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, bool lumped)
+InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, Solver solver,
+                                     const link::Team* team)
     : side_{std::move(fluid), std::move(solid)}
 {
   require(side_[0].L.rows() == side_[1].L.rows(), "both sides of the interface have the same multipliers");
-  for (const Side s : both_sides)
-    condensed_[s] = side_[s].L * side_[s].inverse_mass * SparseMatrix(side_[s].L.transpose());
+  if (solver == Solver::gradients)
+    gradients_ = std::make_unique<Gradients>(side_, team);
+  else
+    for (const Side s : both_sides)
+      condensed_[s] = side_[s].L * side_[s].inverse_mass * SparseMatrix(side_[s].L.transpose());
 
   const Eigen::Index n = side_[0].L.rows();
-  free_row_.resize(n);
-  const Vector d = condensed_[0].diagonal() + condensed_[1].diagonal();
-  const double largest = n > 0 ? d.maxCoeff() : 0.0;
-  for (Eigen::Index i = 0; i < n; ++i)
-    free_row_[i] = d[i] > 1e-12 * largest;
-
+  const Vector d = gradients_ ? gradients_->diagonal() : condensed_[0].diagonal() + condensed_[1].diagonal();
+  free_row_ = movable_rows(d);
   std::vector<Eigen::Triplet<double>> held;
   for (Eigen::Index i = 0; i < n; ++i)
     if (!free_row_[i])
@@ -85,7 +94,7 @@ InterfaceOperator::InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, b
   held_rows_.resize(n, n);
   held_rows_.setFromTriplets(held.begin(), held.end());
 
-  if (lumped)
+  if (solver == Solver::row_sums)
     lump();
   row_scale_ = side_[Side::solid].L.cwiseAbs() * Vector::Ones(side_[Side::solid].L.cols());
 }
@@ -99,8 +108,14 @@ double InterfaceOperator::largest_jump(const Vector& jump) const
   return largest;
 }
 
+Vector InterfaceOperator::product(Side side, const Vector& x) const
+{
+  return constraint(side, acceleration(side, force(side, x)));
+}
+
 SparseMatrix InterfaceOperator::assemble(double alpha_fluid, double alpha_solid) const
 {
+  require(!gradients_, "gradients do without H");
   SparseMatrix H = alpha_fluid * condensed_[Side::fluid] + alpha_solid * condensed_[Side::solid];
   // A row without movable mass decouples and gets the identity, so that its multiplier is zero.
   for (Eigen::Index k = 0; k < H.outerSize(); ++k)
@@ -111,7 +126,25 @@ SparseMatrix InterfaceOperator::assemble(double alpha_fluid, double alpha_solid)
   return H;
 }
 
-Vector InterfaceOperator::solve(double alpha_fluid, double alpha_solid, const Vector& rhs)
+Vector InterfaceOperator::by_gradients(const std::array<double, 2>& weights, const Vector& rhs,
+                                       const Vector& start)
+{
+  const Vector from = start.size() == rhs.size() ? start : Vector::Zero(rhs.size());
+  if (!rhs.allFinite() || !from.allFinite()) // a side has blown up, and says so
+    return Vector::Constant(rhs.size(), std::numeric_limits<double>::quiet_NaN());
+  Gradients::Solution solution =
+      gradients_->solve(weights, free_row_.select(rhs.array(), 0.0), free_row_.select(from.array(), 0.0));
+  iterations_ += solution.iterations;
+  if (!solution.found)
+    throw NumericalError(
+        fmt::format("the interface operator H is not positive definite, or so ill-conditioned "
+                    "that {} iterations do not solve it: {}",
+                    solution.iterations, twice));
+  return std::move(solution.lambda);
+}
+
+Vector InterfaceOperator::solve(double alpha_fluid, double alpha_solid, const Vector& rhs,
+                                const Vector& start)
 {
   if (rhs.size() == 0)
     return rhs;
@@ -121,6 +154,8 @@ Vector InterfaceOperator::solve(double alpha_fluid, double alpha_solid, const Ve
     return (free_row_ && H.array() > 0.0).select(rhs.array() / H.array(), 0.0).matrix();
   }
   const std::array<double, 2> weights{alpha_fluid, alpha_solid};
+  if (gradients_)
+    return by_gradients(weights, rhs, start);
   if (!pattern_known_ || weights != factored_for_)
   {
     const SparseMatrix H = assemble(alpha_fluid, alpha_solid);
@@ -131,9 +166,7 @@ Vector InterfaceOperator::solve(double alpha_fluid, double alpha_solid, const Ve
     pattern_known_ = true;
     factored_for_ = weights;
     if (factor_->info() != Eigen::Success || !(factor_->vectorD().minCoeff() > 0.0))
-      throw NumericalError(
-          "the interface operator H is not positive definite: two interface rows constrain the same "
-          "motion (do two interfaces share a facet, or do both sides prescribe the same velocity?)");
+      throw NumericalError(fmt::format("the interface operator H is not positive definite: {}", twice));
   }
   Vector lambda = factor_->solve(free_row_.select(rhs.array(), 0.0).matrix());
   return lambda;

@@ -1,5 +1,8 @@
-// The condensed interface operator H = α_f L_f M_f⁻¹ L_fᵀ + α_s L_s M_s⁻¹ L_sᵀ and its factor.
+// The condensed interface operator H = α_f L_f M_f⁻¹ L_fᵀ + α_s L_s M_s⁻¹ L_sᵀ and the solution for the
+// multipliers.
 #pragma once
+
+#include "coupler/gradients.hpp"
 
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
@@ -7,12 +10,19 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 
 namespace undine::coupler
 {
 
 using SparseMatrix = Eigen::SparseMatrix<double>;
 using Vector = Eigen::VectorXd;
+
+inline std::span<double> as_span(Vector& v) { return {v.data(), static_cast<std::size_t>(v.size())}; }
+inline std::span<const double> as_span(const Vector& v)
+{
+  return {v.data(), static_cast<std::size_t>(v.size())};
+}
 
 enum Side
 {
@@ -22,11 +32,22 @@ enum Side
 inline constexpr std::array<Side, 2> both_sides{Side::fluid, Side::solid};
 inline Side other(Side side) { return side == Side::fluid ? Side::solid : Side::fluid; }
 
+/// Rows of H that touch movable mass; `diagonal`: of H for any weights, or of its parts.
+Eigen::Array<bool, Eigen::Dynamic, 1> movable_rows(const Vector& diagonal);
+
 /// One side of the interface: the constraint L_f v_f + L_s v_s = 0 holds the opposite signs inside the two L.
 struct InterfaceSide
 {
   SparseMatrix L;            ///< multipliers × (nodes · dim), includes the sign
   SparseMatrix inverse_mass; ///< (nodes · dim)², nearly block diagonal [1/kg]
+};
+
+/// How H λ = rhs is solved.
+enum class Solver
+{
+  factor,    ///< LDLᵀ, once for each pair of weights
+  gradients, ///< conjugate gradients, on all ranks of the coupler
+  row_sums   ///< not: by the row sums of H instead of H ("lumped")
 };
 
 /// H with weights α = Δt/2 of each side (velocity continuity), or α = 1 (accelerations and impulses).
@@ -39,8 +60,10 @@ class InterfaceOperator
 {
 public:
   InterfaceOperator() = default;
-  /// @throws InputError if `lumped` and the largest eigenvalue of D⁻¹ L M⁻¹ Lᵀ of a side exceeds 1
-  InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, bool lumped = false);
+  /// team: other ranks of the coupler, which are in help(), for the gradients; nullptr: alone.
+  /// @throws InputError for row sums if the largest eigenvalue of D⁻¹ L M⁻¹ Lᵀ of a side exceeds 1
+  InterfaceOperator(InterfaceSide fluid, InterfaceSide solid, Solver solver = Solver::factor,
+                    const link::Team* team = nullptr);
 
   Eigen::Index n_multipliers() const { return free_row_.size(); }
   Eigen::Index n_dofs(Side side) const { return side_[side].L.cols(); }
@@ -56,18 +79,24 @@ public:
   double largest_jump(const Vector& jump) const;
 
   /// λ with H λ = rhs. Factorises only if the weights differ from those of the last call.
+  /// @param start  where gradients start from, for example the last λ; nothing: from zero
   /// @throws NumericalError if H is not positive definite (two rows say the same thing)
-  Vector solve(double alpha_fluid, double alpha_solid, const Vector& rhs);
+  Vector solve(double alpha_fluid, double alpha_solid, const Vector& rhs, const Vector& start = {});
 
+  /// L M⁻¹ Lᵀ x of one side.
+  Vector product(Side side, const Vector& x) const;
+  /// H; not for gradients, which do without.
   SparseMatrix assemble(double alpha_fluid, double alpha_solid) const;
   std::int64_t factorisations() const { return factorisations_; }
+  std::int64_t iterations() const { return iterations_; } ///< of conjugate gradients
 
 private:
   void lump();
+  Vector by_gradients(const std::array<double, 2>& weights, const Vector& rhs, const Vector& start);
 
   std::array<InterfaceSide, 2> side_;
   std::array<Vector, 2> lumped_;          ///< row sums of each condensed operator; empty: exact
-  std::array<SparseMatrix, 2> condensed_; ///< L M⁻¹ Lᵀ
+  std::array<SparseMatrix, 2> condensed_; ///< L M⁻¹ Lᵀ; empty: gradients
   Eigen::Array<bool, Eigen::Dynamic, 1> free_row_;
   SparseMatrix held_rows_; ///< identity on the rows that are not free
   Vector row_scale_;       ///< row sums of |L_s|
@@ -76,6 +105,8 @@ private:
   std::array<double, 2> factored_for_{0.0, 0.0};
   bool pattern_known_ = false;
   std::int64_t factorisations_ = 0;
+  std::unique_ptr<Gradients> gradients_;
+  std::int64_t iterations_ = 0;
 };
 
 } // namespace undine::coupler

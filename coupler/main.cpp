@@ -3,7 +3,7 @@
 #include "common/io/log.hpp"
 #include "common/program/program.hpp"
 #include "coupler/coupler_output.hpp"
-#include "coupler/mortar.hpp"
+#include "coupler/helpers.hpp"
 #include "coupler/run.hpp"
 
 #include <fmt/format.h>
@@ -82,7 +82,7 @@ ExitCode start(Launch& launch)
   const link::Team team(world.comm(), rank == 0 ? 0.5 * launch.coupling.stall_timeout : 0.0);
   if (rank > 0)
   {
-    coupler::help_with_mortars(team);
+    coupler::help(team);
     return ExitCode::success;
   }
   require_level(launch.coupling, world);

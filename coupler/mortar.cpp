@@ -1,8 +1,8 @@
 // Exact segmentation and the dual basis.
 #include "coupler/mortar.hpp"
 
-#include "common/coupling/wire.hpp"
 #include "common/error.hpp"
+#include "coupler/helpers.hpp"
 
 #include <Eigen/Dense>
 
@@ -377,7 +377,7 @@ std::vector<FaceParts> integrate_with(const link::Team& team, const InterfaceFac
 {
   std::vector<std::byte> task;
   link::wire::Writer out(task);
-  out.i32(dim);
+  out.i32(static_cast<std::int32_t>(dim == 2 ? Task::integrals_2d : Task::integrals_3d));
   out.f64(search_distance);
   write(out, multiplier);
   write(out, other);
@@ -391,8 +391,10 @@ std::vector<FaceParts> integrate_with(const link::Team& team, const InterfaceFac
   return parts;
 }
 
+} // namespace
+
 template <int dim>
-void help(const link::Team& team, link::wire::Reader in)
+void help_to_integrate(const link::Team& team, link::wire::Reader in)
 {
   const double search_distance = in.f64("search distance");
   const auto multiplier = read_faces<dim>(in), other = read_faces<dim>(in);
@@ -401,34 +403,6 @@ void help(const link::Team& team, link::wire::Reader in)
   link::wire::Writer out(answer);
   write(out, integrate_faces(multiplier, other, search_distance, begin, end));
   team.collect(answer);
-}
-
-} // namespace
-
-void help_with_mortars(const link::Team& team)
-{
-  for (;;)
-  {
-    const auto task = team.tell({});
-    if (task.empty())
-    {
-      team.collect({});
-      return;
-    }
-    link::wire::Reader in(task, "mortar task");
-    if (in.i32("dim") == 2)
-      help<2>(team, in);
-    else
-      help<3>(team, in);
-  }
-}
-
-void dismiss_helpers(const link::Team& team)
-{
-  if (team.size() == 1)
-    return;
-  team.tell({});
-  team.collect({}); // a helper that is stopped would let MPI_Finalize wait for ever
 }
 
 template <int dim>
@@ -654,6 +628,8 @@ template Mortar<2> integrate_mortar<2>(const InterfaceFaces<2>&, const Interface
                                        const link::Team*);
 template Mortar<3> integrate_mortar<3>(const InterfaceFaces<3>&, const InterfaceFaces<3>&, double,
                                        const link::Team*);
+template void help_to_integrate<2>(const link::Team&, link::wire::Reader);
+template void help_to_integrate<3>(const link::Team&, link::wire::Reader);
 template void append_constraints<2>(const Mortar<2>&, Side, InterfaceKind, ConstraintRows&);
 template void append_constraints<3>(const Mortar<3>&, Side, InterfaceKind, ConstraintRows&);
 

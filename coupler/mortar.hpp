@@ -11,6 +11,7 @@
 
 #include "common/coupling/messages.hpp"
 #include "common/coupling/team.hpp"
+#include "common/coupling/wire.hpp"
 #include "common/tensor.hpp"
 #include "coupler/interface_operator.hpp"
 
@@ -54,7 +55,7 @@ struct Mortar
 };
 
 /// Integrate D and C. Faces further apart than `search_distance`, or facing the same way, do not meet.
-/// team: with other ranks of the coupler, which are in help_with_mortars(), if there are faces_worth_sharing;
+/// team: with other ranks of the coupler, which are in help(), if there are faces_worth_sharing;
 /// nullptr: alone. The same bits in any case: what a face gives is summed on one rank, and the faces' sums
 /// are added in the order of the faces.
 template <int dim>
@@ -67,9 +68,9 @@ Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const Interf
 template <int dim>
 inline constexpr std::size_t faces_worth_sharing = dim == 2 ? 5000 : 250;
 
-/// What the coupler's other ranks than 0 do until rank 0 dismisses them. They wait without using their cores.
-void help_with_mortars(const link::Team& team);
-void dismiss_helpers(const link::Team& team);
+/// What a helper does when rank 0 integrates: a stretch of the faces.
+template <int dim>
+void help_to_integrate(const link::Team& team, link::wire::Reader in);
 
 enum class InterfaceKind
 {

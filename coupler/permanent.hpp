@@ -17,6 +17,7 @@ public:
   std::span<const double> solid_force() const override { return gc_.window_force(Side::solid); }
   std::int64_t searches() const override { return interface_.builds(); }
   std::int64_t solves() const override { return gc_.factorisations(); }
+  std::int64_t iterations() const override { return gc_.iterations(); }
   void for_each_state(StateArchive& archive) override;
 
 protected:

@@ -2,7 +2,7 @@
 #include "coupler/run.hpp"
 
 #include "common/error.hpp"
-#include "coupler/mortar.hpp"
+#include "coupler/helpers.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -167,7 +167,7 @@ std::int64_t run(const CouplerConfig& config, Group& fluid, Group& solid,
   {
     after_window({plan, report[Side::fluid], report[Side::solid], scheme->balance(), scheme->interfaces(),
                   scheme->solid_surface(), scheme->solid_force(), scheme->searches(), scheme->solves(),
-                  fluid.wait_seconds() + solid.wait_seconds()});
+                  scheme->iterations(), fluid.wait_seconds() + solid.wait_seconds()});
   };
   if (persistence.restarts())
     persistence.restore(state);

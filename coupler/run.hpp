@@ -38,6 +38,7 @@ struct WindowRecord
   std::span<const double> solid_force;    ///< mean link force on its nodes in the window [N], n × dim
   std::int64_t searches;                  ///< operators built, or searches for contact, since the start
   std::int64_t solves;                    ///< factorisations, or contact problems solved, since the start
+  std::int64_t iterations;                ///< of conjugate gradients in this process
   double wait_seconds;                    ///< that the coupler has waited for messages since the start
 };
 

@@ -52,6 +52,7 @@ public:
   solid_force() const = 0;                   ///< mean link force of the last window [N], n × dim
   virtual std::int64_t searches() const = 0; ///< operators built, or searches for contact, since the start
   virtual std::int64_t solves() const = 0;   ///< factorisations, or contact problems solved, since the start
+  virtual std::int64_t iterations() const { return 0; } ///< of conjugate gradients in this process
   virtual void for_each_state(StateArchive& archive) = 0;
 };
 

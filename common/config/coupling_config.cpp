@@ -75,6 +75,15 @@ CouplingConfig read_coupling(const CaseFile& file)
   if (config.lumped && config.form == "macro_continuity")
     t.fail("operator", "form = \"macro_continuity\" finds multipliers by trial, whatever the operator; write "
                        "operator = \"exact\"");
+  config.solver = t.choice({"solver", "",
+                            "of the multipliers where the surfaces stay together; factor: LDLT, by rank 0 of "
+                            "the coupler; gradients: conjugate "
+                            "gradients to a residual of 1e-12, shared by its ranks; auto: gradients in space "
+                            "from 10000 multipliers on"},
+                           "auto", {"auto", "factor", "gradients"});
+  if (config.solver != "auto" && (config.has_contact() || config.lumped))
+    t.fail("solver", config.has_contact() ? "separation = true has a solver of its own; leave solver out"
+                                          : "operator = \"lumped\" solves nothing; leave solver out");
   for (const InterfaceConfig& i : config.interfaces)
     if (i.separation != config.has_contact())
       t.fail("", "interface '" + i.name +

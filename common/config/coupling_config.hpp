@@ -34,6 +34,7 @@ struct CouplingConfig
   std::string scheme = "gc";
   std::string form = "gravouil_combescure"; ///< of the window: | "macro_continuity" | "half_step"
   bool lumped = false;                      ///< the interface operator by its row sums
+  std::string solver = "auto";              ///< of the multipliers: | "factor" | "gradients"
   std::string fine = "auto";                ///< "auto" | "fluid" | "solid"
   std::optional<std::int64_t> substeps;     ///< nothing: "auto"
   std::int64_t substeps_max = 300;

@@ -7,6 +7,7 @@
 #include "common/coupling/mpi_channel.hpp"
 #include "common/coupling/patience.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <exception>
 #include <limits>
@@ -24,23 +25,25 @@ int count_of(std::uint64_t bytes)
   return static_cast<int>(bytes);
 }
 
-/// One turn of waiting for `who`. @throws ProtocolError(36) at the limit
-void wait_for(const std::string& who, Patience& patience)
+/// One turn of waiting for a rank. @throws ProtocolError(36) at the limit
+void wait_for(int rank, Patience& patience)
 {
   if (patience.pause() == Patience::Verdict::give_up)
     throw ProtocolError(
         code::partner_silent,
-        who + " of this program has kept the others waiting for " + std::to_string(patience.waited()) +
+        "rank " + std::to_string(rank) + " of this program has kept the others waiting for " +
+            std::to_string(patience.waited()) +
             " s\n       it may be stuck or stopped, or has not made the same collective call");
 }
 
 } // namespace
 
-Team::Team(MPI_Comm comm, double limit) : limit_(limit)
+Team::Team(MPI_Comm comm, double limit) : comm_(comm), limit_(limit)
 {
-  require_mpi(MPI_Comm_dup(comm, &comm_), code::internal_error, "making a communicator");
   MPI_Comm_rank(comm, &rank_);
   MPI_Comm_size(comm, &size_);
+  collect({}); // a rank that is stopped by now is named; MPI_Comm_dup would wait for it for ever
+  require_mpi(MPI_Comm_dup(comm, &comm_), code::internal_error, "making a communicator");
 }
 
 Team::~Team()
@@ -60,7 +63,7 @@ void Team::complete(MPI_Request request) const
                 "telling all ranks of a program");
     if (done != 0)
       return;
-    wait_for("rank 0", patience);
+    wait_for(0, patience);
   }
 }
 
@@ -95,7 +98,7 @@ std::vector<std::vector<std::byte>> Team::collect(std::span<const std::byte> min
     MPI_Message handle = MPI_MESSAGE_NULL;
     MPI_Status status;
     while (MPI_Improbe(rank, tag, comm_, &found, &handle, &status) == MPI_SUCCESS && found == 0)
-      wait_for("rank " + std::to_string(rank), patience);
+      wait_for(rank, patience);
     int size = 0;
     MPI_Get_count(&status, MPI_BYTE, &size);
     auto& part = parts.emplace_back(static_cast<std::size_t>(size));
@@ -105,10 +108,45 @@ std::vector<std::vector<std::byte>> Team::collect(std::span<const std::byte> min
       require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent,
                   "collecting from all ranks of a program");
       if (done == 0)
-        wait_for("rank " + std::to_string(rank), patience);
+        wait_for(rank, patience);
     }
   }
   return parts;
+}
+
+void Team::share(double* all, const Stretches& stretches) const
+{
+  constexpr int tag = 6;
+  const auto me = static_cast<std::size_t>(rank_);
+  std::vector<MPI_Request> requests;
+  std::vector<int> partner;
+  const auto move = [&](auto start, const std::array<std::size_t, 2>& owned,
+                        const std::array<std::size_t, 2>& wanted, int rank)
+  {
+    const std::size_t begin = std::max(owned[0], wanted[0]), end = std::min(owned[1], wanted[1]);
+    if (begin >= end)
+      return;
+    partner.push_back(rank);
+    start(all + begin, count_of(end - begin), MPI_DOUBLE, rank, tag, comm_, &requests.emplace_back());
+  };
+  for (int r = 0; r < size_; ++r)
+    if (r != rank_)
+      move(MPI_Irecv, stretches.own[static_cast<std::size_t>(r)], stretches.wanted[me], r);
+  for (int r = 0; r < size_; ++r)
+    if (r != rank_)
+      move(MPI_Isend, stretches.own[me], stretches.wanted[static_cast<std::size_t>(r)], r);
+  for (std::size_t k = 0; k < requests.size(); ++k)
+  {
+    Patience patience(limit_);
+    for (int done = 0;;)
+    {
+      require_mpi(MPI_Test(&requests[k], &done, MPI_STATUS_IGNORE), code::partner_silent,
+                  "sharing among the ranks of a program");
+      if (done != 0)
+        break;
+      wait_for(partner[k], patience);
+    }
+  }
 }
 
 } // namespace undine::link

@@ -4,12 +4,20 @@
 
 #include <mpi.h>
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <vector>
 
 namespace undine::link
 {
+
+/// An array of numbers that is shared out: on each rank r it is complete from own[r][0] to before own[r][1],
+/// and may be needed from wanted[r][0] to before wanted[r][1]. The same on all ranks.
+struct Stretches
+{
+  std::vector<std::array<std::size_t, 2>> own, wanted;
+};
 
 /// Collective calls that wait with a limit and share their core.
 class Team
@@ -29,6 +37,10 @@ public:
   std::vector<std::byte> tell(std::vector<std::byte> bytes) const;
   /// Bytes of all ranks on rank 0, by rank; on others nothing. @throws ProtocolError(36) at the limit
   std::vector<std::vector<std::byte>> collect(std::span<const std::byte> mine) const;
+
+  /// Each rank gets what it wants of `all` from those that own it. Microseconds where all are in the call.
+  /// @throws ProtocolError(36) at the limit
+  void share(double* all, const Stretches& stretches) const;
 
 private:
   void complete(MPI_Request request) const;

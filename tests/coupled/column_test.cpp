@@ -30,6 +30,7 @@ struct Column
   bool separation = false;
   std::string form = "gravouil_combescure";
   std::int64_t substeps_max = 300;
+  std::string solver = "auto";
 };
 
 struct Outcome
@@ -43,6 +44,8 @@ struct Outcome
   coupler::Side fine = coupler::Side::fluid;
   double largest_gap = 0.0;
   std::int64_t operator_builds = 0;
+  double largest_jump = 0.0;
+  std::int64_t fine_steps = 0, iterations = 0;
 };
 
 template <int dim>
@@ -99,6 +102,7 @@ Outcome run(const Column& c)
   config.coupling.substeps = c.substeps;
   config.coupling.substeps_max = c.substeps_max;
   config.coupling.form = c.form;
+  config.coupling.solver = c.solver;
 
   index_t tip = 0;
   double nearest = 1e9;
@@ -141,6 +145,9 @@ Outcome run(const Column& c)
                   out.windows = r.plan.index + 1;
                   out.largest_gap = std::max(out.largest_gap, r.balance.displacement_gap);
                   out.operator_builds = r.searches;
+                  out.largest_jump = std::max(out.largest_jump, r.balance.velocity_jump);
+                  out.fine_steps += r.plan.steps.m;
+                  out.iterations = r.iterations;
                 });
   out.energy_change /= largest_kinetic;
   out.energy_gain /= largest_kinetic;
@@ -329,6 +336,33 @@ TEST_CASE("in space the column moves as in the plane", "[coupled][verification]"
   CAPTURE(relative_L2(out, exact), out.substeps, out.fastest_across / out.fastest_along);
   // plane error at 10 elements is 2.0e-3; (10/8)² of it, and as much again for the coarser fluid
   CHECK(relative_L2(out, exact) < 6e-3);
+}
+
+// Truth: the run with the factor. Each solution leaves 1e-12 of the jump of the free motion, which is no
+// larger than the fastest velocity here, and errs by 1e-12 √κ of the impulse of a step, κ < 100; over all
+// steps, if these errors never cancel, that is the bound of the displacement.
+TEST_CASE("in space the column moves by gradients as by the factor", "[coupled][verification]")
+{
+  Column c{.elements = 8, .fluid_factor = 1.0, .t_end = 0.02, .width = 0.0625, .solver = "factor"};
+  const Outcome factor = run<3>(c);
+  c.solver = "gradients";
+  const Outcome out = run<3>(c);
+  CHECK(factor.iterations == 0);
+  CHECK(out.iterations > out.fine_steps);
+  REQUIRE(out.t == factor.t);
+  double largest = 0.0, difference = 0.0;
+  for (std::size_t k = 0; k < out.u.size(); ++k)
+  {
+    largest = std::max(largest, std::abs(factor.u[k]));
+    difference = std::max(difference, std::abs(out.u[k] - factor.u[k]));
+  }
+  const double bound = 1e-12 * std::sqrt(100.0) * static_cast<double>(out.fine_steps);
+  CAPTURE(largest, difference / largest, bound, out.fine_steps, out.iterations, out.largest_jump,
+          factor.largest_jump, out.fastest_along, out.energy_change, factor.energy_change);
+  CHECK(difference < bound * largest);
+  CHECK(out.largest_jump < 1e-12 * std::sqrt(100.0) * out.fastest_along);
+  CHECK(std::abs(out.energy_change - factor.energy_change) < bound);
+  CHECK(out.largest_gap == Approx(factor.largest_gap).epsilon(1e-6));
 }
 
 // A stiff solid under soft water: now the solid's step is the smaller one, and the roles swap by themselves.

@@ -96,10 +96,10 @@ TEST_CASE("a run whose interface makes energy beyond coupling.energy_limit stops
     ++plan.index;
     plan.steps.coarse_dt = 0.1;
     balance.work = {7.0, made - 7.0};
-    output.observe({plan, fluid, solid, balance, {}, surface, force, 0, 0, 0.0});
+    output.observe({plan, fluid, solid, balance, {}, surface, force, 0, 0, 0, 0.0});
   };
   balance.work = {0.0, 0.0};
-  output.observe({plan, fluid, solid, balance, {}, surface, force, 0, 0, 0.0}); // the start
+  output.observe({plan, fluid, solid, balance, {}, surface, force, 0, 0, 0, 0.0}); // the start
   observe(-30.0);
   observe(4.9);
   CHECK_THROWS_AS(observe(5.1), NumericalError);

@@ -1,13 +1,12 @@
-// What an interface of growing size costs the coupler: integrals, operator, factor, solution; and what the
-// solution would cost by conjugate gradients. Run by mpirun,
-// on one and several ranks; the numbers are in docs/benchmarks/scaling.md.
+// What an interface of growing size costs the coupler: integrals, operator, factor and solutions with
+// it, solutions by conjugate gradients. Run by mpirun, on one and several ranks; the numbers are in
+// docs/benchmarks/scaling.md.
 //
 // mpirun -n 2 interface_speed DIM NODES...      wet nodes of the fluid's side; the solid's is 0.8 times as
 // fine
+#include "coupler/helpers.hpp"
 #include "coupler/interface.hpp"
-#include "coupler/mortar.hpp"
 
-#include <Eigen/IterativeLinearSolvers>
 #include <mpi.h>
 
 #include <algorithm>
@@ -17,6 +16,8 @@
 #include <cstdlib>
 #include <ctime>
 #include <functional>
+#include <utility>
+#include <vector>
 
 using namespace undine;
 using namespace undine::coupler;
@@ -62,15 +63,15 @@ link::SurfaceMesh surface(int dim, int n, bool up)
   return s;
 }
 
-/// Medians of five on the wall and of this process's processor time [ms].
+/// Medians of some runs on the wall and of this process's processor time [ms].
 struct Milliseconds
 {
   double wall = 0.0, cpu = 0.0;
 
-  explicit Milliseconds(const std::function<void()>& work)
+  Milliseconds(std::size_t runs, const std::function<void()>& work)
   {
-    std::array<double, 5> walls{}, cpus{};
-    for (std::size_t k = 0; k < 5; ++k)
+    std::vector<double> walls(runs), cpus(runs);
+    for (std::size_t k = 0; k < runs; ++k)
     {
       const auto begin = std::chrono::steady_clock::now();
       const auto cpu_begin = std::clock();
@@ -80,10 +81,68 @@ struct Milliseconds
     }
     std::sort(walls.begin(), walls.end());
     std::sort(cpus.begin(), cpus.end());
-    wall = 1e3 * walls[2];
-    cpu = 1e3 * cpus[2];
+    wall = 1e3 * walls[runs / 2];
+    cpu = 1e3 * cpus[runs / 2];
   }
 };
+
+/// Right-hand sides that turn slowly, as from one fine step to the next.
+Vector right_side(Eigen::Index n, int k)
+{
+  Vector b(n);
+  for (Eigen::Index i = 0; i < n; ++i)
+    b[i] = std::sin(20.0 * static_cast<double>(i) / static_cast<double>(n) + 0.02 * k);
+  return b;
+}
+
+/// The 20 solutions of a window, each from where the last two point to.
+void window(InterfaceOperator& H, double ratio)
+{
+  Vector last = Vector::Zero(H.n_multipliers()), before = last;
+  for (int k = 0; k < 20; ++k)
+    before = std::exchange(last, H.solve(1.0, ratio, right_side(last.size(), k), 2.0 * last - before));
+}
+
+void row_of(int dim, double nodes, const link::Team& team)
+{
+  const int n = static_cast<int>(std::lround(dim == 2 ? nodes : std::sqrt(nodes))) - 1;
+  const std::size_t runs = nodes > 50000.0 ? 1 : nodes > 5000.0 ? 3 : 5;
+  std::printf("| %s | %d", dim == 2 ? "curve" : "surface", team.size());
+  for (const char* solver : {"factor", "gradients"})
+  {
+    CouplingConfig coupling;
+    coupling.interfaces.push_back({.name = "wet",
+                                   .fluid = "wet",
+                                   .solid = "wet",
+                                   .kind = "slip",
+                                   .separation = false,
+                                   .multiplier = "fluid"});
+    coupling.solver = solver;
+    Interface interface(coupling, surface(dim, n, true), surface(dim, std::max(1, 4 * n / 5), false), 0.9,
+                        &team);
+    InterfaceOperator H;
+    const Milliseconds build(runs, [&] { H = interface.build(); });
+    std::printf(" | %ld | %.3g (%.3g)", static_cast<long>(H.n_multipliers()), build.wall, build.cpu);
+    double ratio = 20.0;
+    if (coupling.solver == "factor")
+    {
+      const Milliseconds factor(runs, [&] { H.solve(1.0, ratio *= 0.99, right_side(H.n_multipliers(), 0)); });
+      std::printf(" | %.3g", factor.cpu);
+      const Milliseconds solve(runs, [&] { window(H, ratio); });
+      std::printf(" | %.3g", solve.cpu / 20.0);
+      continue;
+    }
+    for (const double steps : {1.0, 20.0})
+    {
+      const std::int64_t before = H.iterations();
+      const Milliseconds solve(runs, [&] { window(H, steps); });
+      std::printf(" | %.3g (%.3g), %.0f", solve.wall / 20.0, solve.cpu / 20.0,
+                  static_cast<double>(H.iterations() - before) / (20.0 * static_cast<double>(runs)));
+    }
+  }
+  std::printf(" |\n");
+  std::fflush(stdout);
+}
 
 } // namespace
 
@@ -93,50 +152,11 @@ int main(int argc, char** argv)
   {
     const link::Team team(MPI_COMM_WORLD, 0.0);
     if (team.rank() > 0)
-      help_with_mortars(team);
+      help(team);
     else
     {
-      const int dim = std::atoi(argv[1]);
       for (int k = 2; k < argc; ++k)
-      {
-        const double nodes = std::atof(argv[k]);
-        const int n = static_cast<int>(std::lround(dim == 2 ? nodes : std::sqrt(nodes))) - 1;
-        CouplingConfig coupling;
-        coupling.interfaces.push_back({.name = "wet",
-                                       .fluid = "wet",
-                                       .solid = "wet",
-                                       .kind = "slip",
-                                       .separation = false,
-                                       .multiplier = "fluid"});
-        Interface interface(coupling, surface(dim, n, true), surface(dim, std::max(1, 4 * n / 5), false), 0.9,
-                            &team);
-        InterfaceOperator H;
-        const Milliseconds build([&] { H = interface.build(); });
-        const Vector rhs = Vector::LinSpaced(H.n_multipliers(), 1.0, 2.0);
-        double dt = 1e-3;
-        const Milliseconds factor(
-            [&]
-            {
-              dt *= 0.99; // other weights: a new factor
-              H.solve(dt, dt, rhs);
-            });
-        const Milliseconds solve([&] { H.solve(dt, dt, rhs); });
-        // From zero, as a restart needs it; steps of 1 : 1 and 20 : 1.
-        std::array<double, 2> gradients{}, iterations{};
-        for (const int ratio : {1, 20})
-        {
-          const SparseMatrix A = H.assemble(1.0, ratio);
-          Eigen::ConjugateGradient<SparseMatrix, Eigen::Lower | Eigen::Upper> solver(A);
-          solver.setTolerance(1e-8);
-          Vector x;
-          gradients[ratio > 1] = Milliseconds([&] { x = solver.solve(rhs); }).cpu;
-          iterations[ratio > 1] = static_cast<double>(solver.iterations());
-        }
-        std::printf("| %d | %ld | %d | %.3g | %.3g | %.3g | %.3g | %.3g (%.0f) | %.3g (%.0f) |\n", dim,
-                    static_cast<long>(H.n_multipliers()), team.size(), build.wall, build.cpu, factor.cpu,
-                    solve.cpu, gradients[0], iterations[0], gradients[1], iterations[1]);
-        std::fflush(stdout);
-      }
+        row_of(std::atoi(argv[1]), std::atof(argv[k]), team);
       dismiss_helpers(team);
     }
   }

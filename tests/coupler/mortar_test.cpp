@@ -309,7 +309,7 @@ TEST_CASE("the lumped operator is no smaller than the exact one, or refused", "[
     return side;
   };
   const auto side = sides(true);
-  InterfaceOperator exact(side[0], side[1]), lumped(side[0], side[1], true);
+  InterfaceOperator exact(side[0], side[1]), lumped(side[0], side[1], Solver::row_sums);
   const SparseMatrix H = exact.assemble(0.3, 2.0);
   Vector inverse = lumped.solve(0.3, 2.0, Vector::Ones(H.rows())); // of the diagonal H_L
   std::mt19937 random(4);
@@ -326,7 +326,7 @@ TEST_CASE("the lumped operator is no smaller than the exact one, or refused", "[
   CHECK((H * Vector::Ones(H.rows()) - inverse.cwiseInverse()).norm() < 1e-12 * inverse.cwiseInverse().norm());
   CHECK(lumped.factorisations() == 0);
   const auto coarse = sides(false);
-  CHECK_THROWS_AS(InterfaceOperator(coarse[0], coarse[1], true), InputError);
+  CHECK_THROWS_AS(InterfaceOperator(coarse[0], coarse[1], Solver::row_sums), InputError);
 }
 
 // What a solution for the multipliers costs, and which way pays: a table, not a claim. Right-hand sides turn

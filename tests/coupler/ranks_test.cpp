@@ -1,4 +1,5 @@
 // The coupler's other ranks help with the mortar integrals: the bits of one rank. Run by mpirun.
+#include "coupler/helpers.hpp"
 #include "coupler/mortar.hpp"
 
 #include <catch2/catch.hpp>
@@ -58,7 +59,7 @@ TEST_CASE("mortar integrals of several ranks have the bits of one", "[coupler][r
   const link::Team team(MPI_COMM_WORLD, 60.0);
   if (team.rank() > 0)
   {
-    help_with_mortars(team);
+    help(team);
     SUCCEED("dismissed");
     return;
   }

@@ -119,6 +119,10 @@ class Same(RanksTest):
     def test_a_column_that_is_subcycled(self):
         self.same("elastic_column", (2,), 0.02, "run.resolution=24", solid=lambda n: n)
 
+    def test_a_column_by_gradients(self):
+        """The coupler's ranks share the solutions for the multipliers."""
+        self.same("elastic_column", (2, 3), 0.02, "run.resolution=24", "coupling.solver=gradients", solid=lambda n: n)
+
     def test_a_solid_alone(self):
         """Plastic flow, a wall, probes of everything."""
         probe = '\n[[probe]]\nname = "{}"\non = "solid"\n{}\nquantity = [{}]\n'
@@ -249,6 +253,16 @@ class Failures(RanksTest):
         self.assertEqual(ended.code, 36, ended.text)
         self.assertIn("rank 1 of this program has kept the others waiting for 2", ended.text)
         self.assertEqual(ended.left, [], "processes outlive mpirun")
+
+    def test_a_helper_of_the_coupler_that_fails_between_solutions(self):
+        """Conjugate gradients need it in every step: it is missed at once. Its partners wait for the coupler twice as long."""
+        for number, code in ((signal.SIGKILL, 137), (signal.SIGSTOP, 36)):
+            self.out = self.folder / str(code)
+            ended = self.run_and_hit(programs.COLUMN, 1, 1, number, "run.resolution=24", "coupling.solver=gradients", f"coupling.stall_timeout={2 * STALL}",
+                                     solid=3, program="coupler", history="interface")
+            self.assertEqual(ended.code, code, ended.text)
+            if number == signal.SIGSTOP:
+                self.assertIn("rank 1 of this program has kept the others waiting for 2", ended.text)
 
     def test_a_killed_or_silent_rank_of_a_solid_alone(self):
         for number, code in ((signal.SIGKILL, 137), (signal.SIGSTOP, 36)):
