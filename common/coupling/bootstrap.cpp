@@ -93,6 +93,24 @@ std::string host_name()
   return name;
 }
 
+/// Time that this process has had. One that was stopped (SIGSTOP; mpirun wakes it to end it) must not wake up
+/// past a limit and speak: from one look to the next at most a second counts.
+class OwnTime
+{
+public:
+  double seconds()
+  {
+    const auto now = Clock::now();
+    sum_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
+    last_ = now;
+    return sum_;
+  }
+
+private:
+  double sum_ = 0.0;
+  Clock::time_point last_ = Clock::now();
+};
+
 /// Ends the process when a piece of the start hangs inside MPI, where nothing else can end it.
 class Watchdog
 {
@@ -101,8 +119,8 @@ public:
   void arm(double seconds, int code, std::string text, bool during_mpi_init)
   {
     const std::lock_guard lock(mutex_);
-    limit_ =
-        Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+    time_ = {};
+    limit_ = seconds;
     code_ = code;
     text_ = std::move(text);
     during_mpi_init_ = during_mpi_init;
@@ -134,9 +152,9 @@ private:
     std::unique_lock lock(mutex_);
     while (armed_)
     {
-      if (Clock::now() < limit_)
+      if (const double left = limit_ - time_.seconds(); left > 0.0)
       {
-        changed_.wait_until(lock, limit_);
+        changed_.wait_for(lock, std::chrono::duration<double>(std::min(left, 0.25)));
         continue;
       }
       if (during_mpi_init_ && mpi_is_running())
@@ -150,7 +168,8 @@ private:
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  Clock::time_point limit_{};
+  OwnTime time_;
+  double limit_ = 0.0; ///< [s]
   int code_ = 0;
   std::string text_;
   bool during_mpi_init_ = false;
@@ -222,11 +241,8 @@ std::optional<std::vector<std::byte>> take(int source, int tag, int* from)
 class Wait
 {
 public:
-  explicit Wait(double seconds) : limited_(seconds > 0.0), start_(Clock::now()), seconds_(seconds) {}
-  bool over() const
-  {
-    return limited_ && std::chrono::duration<double>(Clock::now() - start_).count() > seconds_;
-  }
+  explicit Wait(double seconds) : seconds_(seconds) {}
+  bool over() { return seconds_ > 0.0 && time_.seconds() > seconds_; }
   void pause()
   {
     if (++turns_ < 1000)
@@ -236,8 +252,7 @@ public:
   }
 
 private:
-  bool limited_;
-  Clock::time_point start_;
+  OwnTime time_;
   double seconds_;
   int turns_ = 0;
 };
@@ -560,8 +575,8 @@ World World::connect(const Identity& identity, const Deadlines& deadlines)
   MPI_Comm_size(MPI_COMM_WORLD, &size);
   courtesy = courtesy_of(rank); // world rank 0 judges, and speaks
 
-  if (deadlines.hello > 0.0)
-    watchdog().arm(deadlines.hello + roster_grace + 5.0, code::no_hello,
+  if (deadlines.hello > 0.0) // world rank 0 first; mpirun ends the others within two seconds
+    watchdog().arm(deadlines.hello + roster_grace + 5.0 + (rank == 0 ? 0.0 : 2.0), code::no_hello,
                    "'" + identity.role + "': the hand-shake hangs although all programs have spoken", false);
   else
     watchdog().disarm();

@@ -190,6 +190,33 @@ class Longer(RanksTest):
     def test_waves_and_drops(self):
         self.same("standing_wave", (2, 4), 0.5, "run.resolution=40")
 
+    def test_a_helper_of_the_coupler_that_is_stopped_while_the_run_starts(self):
+        """Whoever waits for it says so, and nobody else: rank 0 of the coupler, in MPI_Init, for its hello, while they connect, or for its first task. From
+        there on its partners wait twice as long as the coupler does."""
+        says = {31: "'coupler' still waits in MPI_Init after 3 s", 32: "no hello from world rank(s) 1 within 3 s|'coupler': the hand-shake hangs",
+                36: "rank 1 of this program has kept the others waiting for 2"}
+        seen = {}
+        for delay in (0.0, 0.3, 0.45, 0.5, 0.6):  # on a quiet machine in MPI_Init, there, at the hello, in the first task, in the solutions
+            out = self.folder / str(delay)
+            line = line_of(programs.COLUMN, out, 1, *sets("coupling.hello_timeout=3", f"coupling.stall_timeout={2 * STALL}", "run.t_end=1000", "run.resolution=24", "coupling.solver=gradients"), solid=2)
+
+            def act(process):
+                while process.poll() is None:
+                    for pid, name in programs.descendants(process.pid).items():
+                        if name == "coupler" and "OMPI_COMM_WORLD_RANK=1\0" in Path(f"/proc/{pid}/environ").read_text():
+                            time.sleep(delay)
+                            os.kill(pid, signal.SIGSTOP)
+                            return
+                    time.sleep(0.005)
+            ended = programs.run(line, 3 * STALL + 2 * MARGIN, act)
+            text = f"stopped {delay} s after its start, {ended.seconds:.1f} s, exit code {ended.code}\n{ended.text}"
+            self.assertIn(ended.code, says, text)
+            self.assertRegex(ended.text, says[ended.code].replace("(", r"\(").replace(")", r"\)"), text)
+            self.assertTrue(len(ended.errors()) == 1 or ended.code == 31 and ended.seconds > 5 - delay, text)
+            self.assertEqual(ended.left, [], text)
+            seen.setdefault(ended.code, []).append(delay)
+        print(f"    {self._testMethodName}: exit code and delays {seen}", file=sys.stderr)
+
 
 class Failures(RanksTest):
     def run_and_hit(self, case, ranks, victim, number, *options, solid=1, program="fluid_pfem", history="mass"):
