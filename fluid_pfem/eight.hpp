@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <span>
 
 namespace undine::fluid
 {
@@ -63,6 +64,35 @@ void load_points(const Vec<dim>* x, const EightElements<dim>& element, std::size
     for (std::size_t l = 0; l < Lanes::size; ++l)
       for (int i = 0; i < dim; ++i)
         points[i].set(static_cast<int>(l), x[element[l][corner]][i]);
+}
+
+/// The corners of each of the eight, in a periodic space the images next to the first.
+template <int dim>
+std::array<Vec<dim, Lanes>, dim + 1> corners(const Vec<dim>* x, const EightElements<dim>& element,
+                                             const Period<dim>& period)
+{
+  std::array<Vec<dim, Lanes>, dim + 1> corner;
+  for (std::size_t a = 0; a <= dim; ++a)
+    load_points(x, element, a, corner[a]);
+  period.join(corner);
+  return corner;
+}
+
+/// The smallest and the largest of some numbers.
+inline std::array<double, 2> range_of(std::span<const double> numbers)
+{
+  Lanes low(numbers.empty() ? 0.0 : numbers[0]), high = low;
+  for (std::size_t k = 0; k < numbers.size(); k += Lanes::size)
+  {
+    const Lanes here =
+        load_lanes(&numbers[k], static_cast<int>(std::min<std::size_t>(Lanes::size, numbers.size() - k)));
+    low = min(low, here);
+    high = max(high, here);
+  }
+  std::array<double, 2> range{low[0], high[0]};
+  for (int l = 1; l < Lanes::size; ++l)
+    range = {std::min(range[0], low[l]), std::max(range[1], high[l])};
+  return range;
 }
 
 } // namespace undine::fluid

@@ -1,6 +1,7 @@
 // Circumradius filter, with and without memory.
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 
+#include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/simplex.hpp"
 
@@ -67,14 +68,28 @@ bool closing_gap(const Simplex<dim>& simplex, const FluidNodes<dim>& nodes, doub
 
 /// The circumradius is smaller than `limit`, by more than what the order of the corners can change: without
 /// roots and divisions, where it is so.
-template <int dim>
-bool clearly_smaller(const std::array<Vec<dim>, dim + 1>& x, double limit)
+template <class Real>
+auto clearly_smaller(const std::array<Vec<2, Real>, 3>& x, double limit) // R = |a| |b| |a − b| / 2|a × b|
 {
-  if constexpr (dim == 2) // R = |a| |b| |a − b| / 2|a × b|
+  const Vec<2, Real> a = x[1] - x[0], b = x[2] - x[0];
+  const Real cross = a[0] * b[1] - a[1] * b[0];
+  return norm_squared(a) * norm_squared(b) * norm_squared(a - b) < Real(3.9 * limit * limit) * cross * cross;
+}
+
+/// Eight simplices of inner nodes with circumradii clearly smaller than `limit`: not in space.
+template <int dim>
+bool eight_are_inner(std::span<const Simplex<dim>> simplices, const FluidNodes<dim>& nodes, double limit)
+{
+  if constexpr (dim == 2)
   {
-    const Vec<2> a = x[1] - x[0], b = x[2] - x[0];
-    const double cross = a[0] * b[1] - a[1] * b[0];
-    return norm_squared(a) * norm_squared(b) * norm_squared(a - b) < 3.9 * limit * limit * cross * cross;
+    unsigned flags = 0;
+    for (const auto& simplex : simplices)
+      for (const index_t n : simplex)
+        flags |= nodes.flag[static_cast<std::size_t>(n)];
+    if ((flags & on_boundary) != 0)
+      return false;
+    const EightElements<2> eight(simplices, nullptr, 0, Lanes::size);
+    return !any(Lanes::Mask(clearly_smaller(corners<2>(nodes.x.data(), eight, nodes.period), limit) == 0));
   }
   return false;
 }
@@ -145,23 +160,13 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
   std::vector<Vec<dim>> centroids;
   std::vector<char> is_fluid(delaunay.size(), 0);
   std::vector<std::size_t> gaps; // less those that turn out to be fluid
-  for (std::size_t s = 0; s < delaunay.size(); ++s)
+  const double finest = range_of(nodes.h)[0];
+  const auto look_at = [&](std::size_t s)
   {
     const auto& simplex = delaunay[s];
     int boundary = 0;
     for (const index_t n : simplex)
       boundary += (nodes.flag[static_cast<std::size_t>(n)] & on_boundary) != 0;
-    if (boundary == 0)
-    {
-      double least = nodes.h[static_cast<std::size_t>(simplex[0])];
-      for (const index_t n : simplex)
-        least = std::min(least, nodes.h[static_cast<std::size_t>(n)]);
-      if (clearly_smaller<dim>(corners<dim>(nodes.x, simplex, nodes.period), rules.keep_inner * least))
-      {
-        is_fluid[s] = !on_one_piece<dim>(simplex, wall_pieces);
-        continue;
-      }
-    }
     const auto [corner, h] = corners_of<dim>(simplex, nodes.x, nodes.h, nodes.period);
     const double R = circumradius<dim>(corner);
     const double largest =
@@ -170,21 +175,33 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                possible =
                    R <= possible_radius * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h;
     if (!(watched || possible) || on_one_piece<dim>(simplex, wall_pieces))
-      continue;
+      return;
     if (watched)
       gaps.push_back(s);
     if (!possible)
-      continue;
+      return;
     if (boundary == 0 && R <= rules.keep_inner * h)
     {
       is_fluid[s] = 1;
-      continue;
+      return;
     }
     Vec<dim> centroid{};
     for (const auto& p : corner)
       centroid += (1.0 / (dim + 1)) * p;
     doubtful.push_back({s, corner, R, h, boundary});
     centroids.push_back(nodes.period.wrapped(centroid));
+  };
+  for (std::size_t begin = 0; begin < delaunay.size(); begin += Lanes::size)
+  {
+    const auto these =
+        std::span(delaunay).subspan(begin, std::min<std::size_t>(Lanes::size, delaunay.size() - begin));
+    const bool inner =
+        these.size() == Lanes::size && eight_are_inner<dim>(these, nodes, rules.keep_inner * finest);
+    for (std::size_t s = begin; s < begin + these.size(); ++s)
+      if (inner)
+        is_fluid[s] = !on_one_piece<dim>(delaunay[s], wall_pieces);
+      else
+        look_at(s);
   }
   const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period, ranks);
 
