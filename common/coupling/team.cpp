@@ -25,14 +25,15 @@ int count_of(std::uint64_t bytes)
   return static_cast<int>(bytes);
 }
 
-/// One turn of waiting for a rank. @throws ProtocolError(36) at the limit
+/// One turn of waiting for a rank; negative: it is not known for which. @throws ProtocolError(36) at the
+/// limit
 void wait_for(int rank, Patience& patience)
 {
   if (patience.pause() == Patience::Verdict::give_up)
     throw ProtocolError(
         code::partner_silent,
-        "rank " + std::to_string(rank) + " of this program has kept the others waiting for " +
-            std::to_string(patience.waited()) +
+        (rank < 0 ? std::string("a rank") : "rank " + std::to_string(rank)) +
+            " of this program has kept the others waiting for " + std::to_string(patience.waited()) +
             " s\n       it may be stuck or stopped, or has not made the same collective call");
 }
 
@@ -56,6 +57,7 @@ Team::~Team()
 
 void Team::complete(MPI_Request request) const
 {
+  const int awaited = rank_ > 0 ? 0 : size_ == 2 ? 1 : -1;
   Patience patience(limit_);
   for (int done = 0;;)
   {
@@ -63,7 +65,7 @@ void Team::complete(MPI_Request request) const
                 "telling all ranks of a program");
     if (done != 0)
       return;
-    wait_for(0, patience);
+    wait_for(awaited, patience);
   }
 }
 
