@@ -8,6 +8,7 @@
 #include "common/types.hpp"
 #include "fluid_pfem/period.hpp"
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <vector>
@@ -146,6 +147,17 @@ inline Simplex<2> canonical<2>(const Simplex<2>& e) // without branches that nob
     return last ? third : middle ? second : first;
   };
   return {one_of(e[0], e[1], e[2]), one_of(e[1], e[2], e[0]), one_of(e[2], e[0], e[1])};
+}
+
+/// So far apart are the numbers of an element's nodes, at most; elements in canonical form.
+template <int dim>
+index_t widest(std::span<const Simplex<dim>> elements)
+{
+  index_t most = 0;
+  for (const auto& e : elements)
+    for (std::size_t a = 1; a <= dim; ++a)
+      most = std::max(most, e[a] - e[0]);
+  return most;
 }
 
 /// Elements in the one form and order that depend on the set only.

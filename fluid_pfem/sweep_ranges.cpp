@@ -49,17 +49,14 @@ void Fluid<dim>::find_surroundings()
   const auto first = team_.nodes_of_ranks();
   const int me = ranks().rank();
   const Range own{team_.node_begin(), team_.node_end()};
-  index_t widest = 0; // difference of numbers in an element
-  for (const auto& e : own_elements())
-    widest = std::max(widest, *std::max_element(e.begin(), e.end()) - e[0]);
-  widest = static_cast<index_t>(ranks().max(static_cast<double>(widest)));
+  const auto apart = static_cast<index_t>(ranks().max(static_cast<double>(widest<dim>(own_elements()))));
   constexpr index_t layers = 2 * most_steps_of_several;
   const auto near = [&](int r) -> Range // rank r, for sure
   {
-    return {std::max(first[static_cast<std::size_t>(r)] - layers * widest, 0) / Lanes::size * Lanes::size,
-            std::min(first[static_cast<std::size_t>(r) + 1] + layers * widest, nodes_.size())};
+    return {std::max(first[static_cast<std::size_t>(r)] - layers * apart, 0) / Lanes::size * Lanes::size,
+            std::min(first[static_cast<std::size_t>(r) + 1] + layers * apart, nodes_.size())};
   };
-  const bool small = own.end - own.begin <= layers * widest; // what is near may be more than the whole
+  const bool small = own.end - own.begin <= layers * apart; // what is near may be more than the whole
   sweep_steps_ = 1;
   if (ranks().max(small ? 1.0 : 0.0) > 0.0)
     return;
@@ -99,7 +96,7 @@ void Fluid<dim>::find_surroundings()
   for (index_t k = 0; k < layers; ++k)
   {
     Range wider = around_.back();
-    for (index_t e = elements_from(wider.begin - widest, elements_here_),
+    for (index_t e = elements_from(wider.begin - apart, elements_here_),
                  end = elements_from(wider.begin, elements_here_);
          e < end; ++e)
     {
@@ -110,7 +107,7 @@ void Fluid<dim>::find_surroundings()
         break;
       }
     }
-    for (index_t e = elements_from(around_.back().end - widest, elements_here_),
+    for (index_t e = elements_from(around_.back().end - apart, elements_here_),
                  end = std::max(elements_from(around_.back().end, elements_here_), mine.end);
          e < end; ++e)
     {
@@ -124,7 +121,7 @@ void Fluid<dim>::find_surroundings()
     taken_.push_back({.elements = {elements_from(around_[k + 1].begin, elements_here_),
                                    std::max(elements_from(around_[k].end, elements_here_), mine.end)},
                       .inner = {elements_from(around_[k].begin, elements_here_),
-                                elements_from(around_[k].end - widest, elements_here_)}});
+                                elements_from(around_[k].end - apart, elements_here_)}});
   sweep_steps_ = most_steps_of_several;
   const auto others = [&](int steps) // among what so many steps need
   {

@@ -604,13 +604,9 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     edge_share.resize(mesh_.rings.row.size());
     team_.each(share_out_edges);
   }
-  index_t reach = 0; // of an element: what a node gets in a sweep is of nodes so far off
-  const auto look_at = [&reach](const Simplex<dim>& e)
-  { reach = std::max(reach, *std::max_element(e.begin(), e.end()) - e[0]); };
+  index_t reach = widest<dim>(own_elements()); // what a node gets in a sweep is of nodes so far off
   for (const index_t e : team_.earlier())
-    look_at(mesh_.elements[static_cast<std::size_t>(e)]);
-  const auto elements = own_elements();
-  std::for_each(elements.begin(), elements.end(), look_at);
+    reach = std::max(reach, widest<dim>({&mesh_.elements[static_cast<std::size_t>(e)], 1}));
   reach = (reach + Lanes::size - 1) / Lanes::size * Lanes::size;
   const auto inner = [&](const Share& share, int sweep) -> std::array<index_t, 2> // what needs no neighbour
   {
