@@ -244,11 +244,26 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
   const bool all_mine = share.owns_corners(list, begin);
   Lanes dissipation(0.0);
   double dissipation_of_rest = 0.0;
+  Element<dim, Lanes> e;
+  const auto read = [&](index_t first)
+  {
+    if (list == nullptr && first + L <= end) // told apart here: the compiler then makes one path of it
+      e = gather<stabilised, dim>(record, mesh.elements.data() + first, nodes.period);
+    else
+      e = gather<stabilised, dim>(record, &EightElements<dim>(mesh.elements, list, first, end)[0],
+                                  nodes.period);
+  };
+  // Formulas and sums of eight elements wait for each other. In the plane, where the registers suffice, the
+  // next eight are read between them.
+  constexpr bool ahead = dim == 2;
+  if (ahead && begin < end)
+    read(begin);
   for (index_t first = begin; first < end; first += L)
   {
     const int count = std::min<index_t>(L, end - first);
     const EightElements<dim> element(mesh.elements, list, first, end);
-    const auto e = gather<stabilised, dim>(record, &element[0], nodes.period);
+    if (!ahead)
+      read(first);
     const auto least_mass = [&]
     {
       Lanes least;
@@ -263,6 +278,8 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
       return least;
     };
     const auto add = element_forces<stabilised, shear, dim, Lanes>(e, k, b, least_mass);
+    if (ahead && first + L < end)
+      read(first + L);
     const auto rows_of = [&add](std::size_t c)
     {
       Lanes column[4];
