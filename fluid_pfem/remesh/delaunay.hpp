@@ -17,6 +17,19 @@ namespace undine::fluid
 std::vector<Simplex<2>> delaunay(std::span<const Vec<2>> x);
 std::vector<Simplex<3>> delaunay(std::span<const Vec<3>> x);
 
+/// Of the triangulation of all points those simplices that have a corner in `mine`: up to a circumradius of
+/// reach/2 none is missing or wrong. In space only what they see is triangulated: around points of `mine`
+/// whose simplices are small that is little.
+/// @param x at least all points within `reach` [m] of one of `mine`
+/// @param mine of each point whether it is one, not empty
+std::vector<Simplex<3>> delaunay_around(std::span<const Vec<3>> x, std::span<const char> mine, double reach);
+/// The same in the plane: all simplices of `x`.
+inline std::vector<Simplex<2>> delaunay_around(std::span<const Vec<2>> x, std::span<const char> /*mine*/,
+                                               double /*reach*/)
+{
+  return delaunay(x);
+}
+
 /// Some of the points of a periodic space, and how much of the others is needed.
 struct PartOfCell
 {

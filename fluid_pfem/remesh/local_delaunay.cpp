@@ -91,6 +91,21 @@ std::vector<index_t> points_near(std::span<const Vec<dim>> x, std::span<const ch
   return near;
 }
 
+namespace
+{
+
+template <class T>
+std::vector<T> rows_of(std::span<const T> field, const std::vector<index_t>& numbers)
+{
+  std::vector<T> rows;
+  rows.reserve(numbers.size());
+  for (const index_t n : numbers)
+    rows.push_back(field[static_cast<std::size_t>(n)]);
+  return rows;
+}
+
+} // namespace
+
 template <int dim>
 void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const char> mine, double reach,
                                 const std::vector<index_t>* among)
@@ -102,25 +117,29 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
     whole_ = true;
     return delaunay_.update(x, 2.0 * reach);
   }
-  constexpr bool repairs = dim == 2;
-  const std::vector<index_t> needed = points_near<dim>(x, mine, reach, among);
-  place_.resize(x.size(), -1);
-  const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
-  if (!repairs || lost || whole_ ||
-      std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
+  if constexpr (dim == 2)
   {
-    delaunay_.forget();
-    whole_ = false;
-    number_ = points_near<dim>(x, mine, spare * reach, among);
-    place_.assign(x.size(), -1);
-    for (std::size_t k = 0; k < number_.size(); ++k)
-      place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
+    const std::vector<index_t> needed = points_near<dim>(x, mine, reach, among);
+    place_.resize(x.size(), -1);
+    const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
+    if (lost || whole_ ||
+        std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
+    {
+      delaunay_.forget();
+      whole_ = false;
+      number_ = points_near<dim>(x, mine, spare * reach, among);
+      place_.assign(x.size(), -1);
+      for (std::size_t k = 0; k < number_.size(); ++k)
+        place_[static_cast<std::size_t>(number_[k])] = static_cast<index_t>(k);
+    }
+    delaunay_.update(rows_of(x, number_), 2.0 * reach);
   }
-  std::vector<Vec<dim>> taken;
-  taken.reserve(number_.size());
-  for (const index_t n : number_)
-    taken.push_back(x[static_cast<std::size_t>(n)]);
-  delaunay_.update(taken, 2.0 * reach);
+  else // nothing is kept: no places
+  {
+    whole_ = false;
+    number_ = points_near<dim>(x, mine, reach, among);
+    delaunay_.update_around(rows_of(x, number_), rows_of(mine, number_), reach);
+  }
 }
 
 template <int dim>
@@ -160,9 +179,9 @@ void LocalDelaunay<dim>::split(index_t i, index_t j, index_t added)
 {
   if (whole_)
     return delaunay_.split(i, j, added);
-  place_.resize(static_cast<std::size_t>(added) + 1, -1);
   if (here(i) < 0 || here(j) < 0)
     return;
+  place_.resize(static_cast<std::size_t>(added) + 1, -1);
   const auto place = static_cast<index_t>(number_.size());
   number_.push_back(added);
   place_[static_cast<std::size_t>(added)] = place;
@@ -181,6 +200,8 @@ void LocalDelaunay<dim>::renumber(std::span<const index_t> new_number)
 {
   if (whole_)
     return delaunay_.renumber(new_number);
+  if (place_.empty())
+    return;
   // Places stay in the order of the numbers: of points that coincide the one of the lowest number counts.
   place_.assign(new_number.size(), -1);
   for (std::size_t k = 0; k < number_.size(); ++k) // the old ones first

@@ -70,6 +70,12 @@ void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x, double /*extent*/)
   ++count_.rebuilds;
 }
 template <int dim>
+void MovingDelaunay<dim>::update_around(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
+{
+  simplices_ = delaunay_around(x, mine, reach);
+  ++count_.rebuilds;
+}
+template <int dim>
 void MovingDelaunay<dim>::forget()
 {
 }

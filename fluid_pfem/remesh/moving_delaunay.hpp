@@ -31,6 +31,8 @@ public:
   /// by merge(), split() and renumber().
   /// @param extent the points may be taken to extend at least that far [m]
   void update(std::span<const Vec<dim>> x, double extent = 0.0);
+  /// Only what delaunay_around says.
+  void update_around(std::span<const Vec<dim>> x, std::span<const char> mine, double reach);
   /// All simplices whose circumscribed circle is small against the extent of the points, positively oriented:
   /// at least those with a radius below four extents.
   const std::vector<Simplex<dim>>& simplices() const { return simplices_; }

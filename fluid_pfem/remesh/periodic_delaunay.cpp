@@ -78,10 +78,11 @@ std::vector<Simplex<dim>> periodic_delaunay(std::span<const Vec<dim>> x, const P
       is_wanted[kept++] = is_wanted[from];
     }
     points.resize(kept);
+    is_wanted.resize(kept);
   }
 
   std::vector<Simplex<dim>> simplices;
-  for (Simplex<dim> e : delaunay(points))
+  for (Simplex<dim> e : part.mine.empty() ? delaunay(points) : delaunay_around(points, is_wanted, part.reach))
   {
     const auto at = [&](std::size_t a) { return points[static_cast<std::size_t>(e[a])]; };
     bool small = true;

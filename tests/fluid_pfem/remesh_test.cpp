@@ -253,6 +253,25 @@ std::vector<Vec<dim>> points_of_lattice(int n, double push, std::mt19937& random
   return x;
 }
 
+/// In space, whatever is around a part: a lattice, on and off its places, with a free surface in waves, a
+/// cavity, a drop that has left it, and a film above it.
+std::vector<Vec<3>> points_of_splash(int n, double push, std::mt19937& random)
+{
+  std::vector<Vec<3>> x;
+  for (const Vec<3>& p : points_of_lattice<3>(n, push, random))
+  {
+    const double middle = 0.5 * n, surface = 0.7 * n + 1.5 * std::sin(0.9 * p[0]) * std::cos(0.7 * p[1]);
+    const bool cavity =
+        norm(p -
+             Vec<3>{{middle, middle,
+                     0.3 * n}})<2.6, drop = norm(p - Vec<3>{{0.3 * n, 0.4 * n, n - 2.0}}) < 1.6, film = p[2]>
+            n - 0.5 - push;
+    if ((p[2] < surface && !cavity) || drop || film)
+      x.push_back(p);
+  }
+  return x;
+}
+
 /// Of three ranges of numbers: simplices that a triangulation of each with its halo lacks or has too many.
 template <int dim>
 std::size_t wrong_simplices(const std::vector<Vec<dim>>& x, double largest, double halo)
@@ -317,6 +336,39 @@ TEST_CASE("points within two largest circumradii decide which simplices are kept
 {
   check_halo<2>(18);
   check_halo<3>(7);
+}
+
+// Most simplices are small, so that a part needs little of what is around it. What it sees further it must
+// find: beside a cavity and a free surface balls are large, on a flat face of a lattice they are half spaces
+// with many points on their planes.
+TEST_CASE("in space the points that a part of them asks for decide its simplices as all do", "[fluid][unit]")
+{
+  std::mt19937 random(7);
+  constexpr int n = 14;
+  for (const double largest : {1.5, 3.0, 6.0})
+    for (const double push : {0.0, 1e-9, 0.05, 0.3, -1.0})
+    {
+      auto x = points_of_splash(n, std::max(push, 0.0), random);
+      for (auto& p : x)
+        if (push < 0.0) // on its places, but all planes inclined, hence off them by rounding
+          p = {{0.8 * p[0] - 0.6 * p[1], 0.48 * p[0] + 0.64 * p[1] - 0.6 * p[2],
+                0.36 * p[0] + 0.48 * p[1] + 0.8 * p[2]}};
+      const auto truth = small_ones<3>(x, delaunay(x), largest);
+      std::vector<Simplex<3>> found;
+      for (int part = 0; part < 4; ++part)
+      {
+        std::vector<char> mine;
+        for (const auto& p : x)
+          mine.push_back((p[0] > 0.5 * n) + 2 * (p[1] > 0.4 * n) == part);
+        LocalDelaunay<3> local;
+        local.update(x, mine, 2.0 * largest);
+        const auto small = small_ones<3>(x, local.simplices(mine), largest, mine);
+        found.insert(found.end(), small.begin(), small.end());
+      }
+      std::sort(found.begin(), found.end());
+      CAPTURE(largest, push, x.size(), truth.size(), found.size());
+      CHECK((found == truth));
+    }
 }
 
 // The parts are Lagrangian: they mix a little as the vortex shears them, points are merged and split on both
