@@ -2,15 +2,15 @@
 #include "coupler/mortar.hpp"
 
 #include "common/error.hpp"
+#include "coupler/common_part.hpp"
 #include "coupler/helpers.hpp"
 
 #include <Eigen/Dense>
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numeric>
-#include <optional>
+#include <type_traits>
 
 namespace undine::coupler
 {
@@ -92,80 +92,6 @@ std::vector<Vec<dim>> nodal_normals(const InterfaceFaces<dim>& side)
   return n;
 }
 
-/// Position ξ ∈ ℝ on the segment a → b (0 at a, 1 at b) whose interpolated normal passes through `p`.
-/// Solves (p − x(ξ)) × n(ξ) = 0 by Newton from the orthogonal projection; exact in one step if n is constant.
-double project_along_normals(const Vec<2>& p, const Vec<2>& a, const Vec<2>& b, const Vec<2>& n_a,
-                             const Vec<2>& n_b)
-{
-  const auto cross_2d = [](const Vec<2>& u, const Vec<2>& v) { return u[0] * v[1] - u[1] * v[0]; };
-  const Vec<2> t = b - a, dn = n_b - n_a;
-  double xi = dot(p - a, t) / dot(t, t);
-  for (int iteration = 0; iteration < 8; ++iteration)
-  {
-    const Vec<2> r = p - a - xi * t, n = n_a + xi * dn;
-    const double value = cross_2d(r, n), slope = cross_2d(r, dn) - cross_2d(t, n);
-    if (slope == 0.0)
-      break;
-    const double step = value / slope;
-    xi -= step;
-    if (std::abs(step) < 1e-15)
-      break;
-  }
-  return xi;
-}
-
-/// Position on the segment a → b hit by the line through `p` with direction `n`.
-double project_along(const Vec<2>& p, const Vec<2>& n, const Vec<2>& a, const Vec<2>& b)
-{
-  const Vec<2> t = b - a;
-  const double denominator = t[0] * n[1] - t[1] * n[0];
-  return ((p[0] - a[0]) * n[1] - (p[1] - a[1]) * n[0]) / denominator;
-}
-
-/// A quadrature point common to a multiplier face and an other face.
-struct CommonPoint
-{
-  double weight = 0.0;                  ///< includes the measure of the multiplier face
-  std::array<double, 4> N_multiplier{}; ///< shape functions of the multiplier face
-  std::array<double, 4> N_other{};
-  double gap = 0.0;
-};
-
-/// Gauss points (3, exact to degree 5) of the segment shared by multiplier face m and other face o.
-std::vector<CommonPoint> common_points(const InterfaceFaces<2>& multiplier, const std::vector<Vec<2>>& n,
-                                       const std::vector<int>& m, const InterfaceFaces<2>& other,
-                                       const std::vector<int>& o)
-{
-  const Vec<2>&a = multiplier.x[m[0]], &b = multiplier.x[m[1]], &n_a = n[m[0]], &n_b = n[m[1]];
-  const Vec<2>&p = other.x[o[0]], &q = other.x[o[1]];
-  const double xi_p = project_along_normals(p, a, b, n_a, n_b),
-               xi_q = project_along_normals(q, a, b, n_a, n_b);
-  const double begin = std::max(0.0, std::min(xi_p, xi_q)), end = std::min(1.0, std::max(xi_p, xi_q));
-  std::vector<CommonPoint> points;
-  if (!(end - begin > 1e-12))
-    return points;
-
-  static constexpr std::array<double, 3> abscissa{-0.7745966692414834, 0.0, 0.7745966692414834};
-  static constexpr std::array<double, 3> weight{5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0};
-  const double length = norm(b - a);
-  for (std::size_t g = 0; g < 3; ++g)
-  {
-    const double xi = 0.5 * (begin + end) + 0.5 * (end - begin) * abscissa[g];
-    const Vec<2> x = a + xi * (b - a), direction = n_a + xi * (n_b - n_a);
-    const double eta = std::clamp(project_along(x, direction, p, q), 0.0, 1.0);
-    points.push_back({.weight = 0.5 * (end - begin) * weight[g] * length,
-                      .N_multiplier = {1.0 - xi, xi},
-                      .N_other = {1.0 - eta, eta},
-                      .gap = norm(p + eta * (q - p) - x)});
-  }
-  return points;
-}
-
-/// Polygon clipping in the plane through the multiplier facet; one triangle of a fan at a time.
-std::vector<CommonPoint> common_points(const InterfaceFaces<3>& multiplier, const std::vector<Vec<3>>& n,
-                                       const std::vector<int>& m, const InterfaceFaces<3>& other,
-                                       const std::vector<int>& o);
-
 template <int dim>
 struct Box
 {
@@ -239,58 +165,114 @@ struct FaceParts
   double largest_gap = 0.0;
 };
 
+/// What belongs to a node, in a short list that is not sorted; zero at first.
+template <class Value>
+Value& entry_of(std::vector<std::pair<int, Value>>& of_nodes, int node)
+{
+  for (auto& [known, value] : of_nodes)
+    if (known == node)
+      return value;
+  return of_nodes.emplace_back(node, Value{}).second;
+}
+
+void sort_by_node(auto& of_nodes)
+{
+  std::sort(of_nodes.begin(), of_nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+}
+
+/// A number per node of a face; in space of four, those beyond a triangle's are zero. (In the plane of a size
+/// that the compiler does not know: so sums are rounded as in the recorded results.)
+template <int dim>
+using OfNodes = std::conditional_t<dim == 2, Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2, 1>,
+                                   Eigen::Matrix<double, 4, 1>>;
+template <int dim>
+using OfPairs = std::conditional_t<dim == 2, Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2, 2>,
+                                   Eigen::Matrix<double, 4, 4>>;
+
+/// A of the dual functions Ψ = A N of a face with k nodes: ∫ Ψ_a N_b = δ_ab ∫ N_a over the *common* part, so
+/// that partly covered faces keep the duality.
+template <int dim>
+OfPairs<dim> dual_basis(const OfPairs<dim>& N_N, const OfNodes<dim>& N_1, Eigen::Index k)
+{
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 4, 4>;
+  const Matrix of_face = N_N.topLeftCorner(k, k), right = N_1.head(k).asDiagonal();
+  OfPairs<dim> A = OfPairs<dim>::Zero(N_N.rows(), N_N.cols());
+  A.topLeftCorner(k, k) = of_face.ldlt().solve(right).transpose();
+  return A;
+}
+
 template <int dim>
 FaceParts integrate_faces(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
                           double search_distance, std::size_t begin, std::size_t end)
 {
   const auto normals = nodal_normals(multiplier);
   const auto pairs = candidate_pairs(multiplier, other, search_distance, begin, end);
+  std::vector<Vec<dim>> normals_o;
+  for (const auto& face : other.faces)
+    normals_o.push_back(other.normal(face));
   FaceParts parts;
-  std::map<int, std::array<double, 4>> C; // of one face
+  // Of one face of the multiplier side:
+  struct Met
+  {
+    int face;
+    std::size_t first, last; ///< of its points
+  };
+  std::vector<Met> met;
+  std::vector<CommonPoint> points;
+  std::vector<std::pair<int, std::array<double, 4>>> C; // by node of the other side
   for (std::size_t f = begin; f < end; ++f)
   {
     const auto& m = multiplier.faces[f];
-    const auto k = static_cast<Eigen::Index>(m.size());
+    const auto k = static_cast<Eigen::Index>(m.size()), most = dim == 2 ? k : 4;
     const Vec<dim> n_m = multiplier.normal(m);
-    std::vector<std::pair<int, std::vector<CommonPoint>>> shared;
-    Eigen::MatrixXd N_N = Eigen::MatrixXd::Zero(k, k); // ∫ N Nᵀ over the common part
-    Eigen::VectorXd N_1 = Eigen::VectorXd::Zero(k);    // ∫ N
+    const MultiplierFace<dim> window(multiplier, normals, m);
+    points.clear();
+    met.clear();
+    OfPairs<dim> N_N = OfPairs<dim>::Zero(most, most); // ∫ N Nᵀ over the common part
+    OfNodes<dim> N_1 = OfNodes<dim>::Zero(most);       // ∫ N
     double measure = 0.0;
     for (const int o : pairs[f - begin])
     {
-      if (dot(n_m, other.normal(other.faces[o])) > -0.1)
+      if (dot(n_m, normals_o[static_cast<std::size_t>(o)]) > -0.1)
         continue;
-      auto points = common_points(multiplier, normals, m, other, other.faces[o]);
-      std::erase_if(points, [&](const CommonPoint& p) { return p.gap > search_distance; });
-      if (points.empty())
-        continue;
-      for (const auto& p : points)
-      {
-        const Eigen::Map<const Eigen::VectorXd> N(p.N_multiplier.data(), k);
-        N_N += p.weight * N * N.transpose();
-        N_1 += p.weight * N;
-        measure += p.weight;
-        parts.largest_gap = std::max(parts.largest_gap, p.gap);
-      }
-      shared.emplace_back(o, std::move(points));
+      const auto first = points.size();
+      window.append_common_points(other, other.faces[o], points);
+      points.erase(std::remove_if(points.begin() + static_cast<std::ptrdiff_t>(first), points.end(),
+                                  [&](const CommonPoint& p) { return p.gap > search_distance; }),
+                   points.end());
+      if (points.size() > first)
+        met.push_back({o, first, points.size()});
+    }
+    for (const CommonPoint& p : points)
+    {
+      const Eigen::Map<const OfNodes<dim>> N(p.N_multiplier.data(), most);
+      N_N += p.weight * N * N.transpose();
+      N_1 += p.weight * N;
+      measure += p.weight;
+      parts.largest_gap = std::max(parts.largest_gap, p.gap);
     }
     if (measure <= 1e-10 * multiplier.measure(m))
       continue;
-    // Ψ = A N with ∫ Ψ_a N_b = δ_ab ∫ N_a over the *common* part, so that partly covered faces keep the
-    // duality.
-    const Eigen::MatrixXd A = N_N.ldlt().solve(Eigen::MatrixXd(N_1.asDiagonal())).transpose();
+    const OfPairs<dim> A = dual_basis<dim>(N_N, N_1, k);
     C.clear();
-    for (const auto& [o, points] : shared)
-      for (const auto& p : points)
+    for (const auto& [o, first, last] : met)
+    {
+      const auto& nodes = other.faces[o];
+      for (const int c : nodes)
+        entry_of(C, c);
+      std::array<double*, 4> of_node{}; // these do not move any more
+      for (std::size_t c = 0; c < nodes.size(); ++c)
+        of_node[c] = entry_of(C, nodes[c]).data();
+      for (std::size_t i = first; i < last; ++i)
       {
-        const Eigen::VectorXd Psi = A * Eigen::Map<const Eigen::VectorXd>(p.N_multiplier.data(), k);
-        for (std::size_t c = 0; c < other.faces[o].size(); ++c)
-        {
-          auto& of_node = C[other.faces[o][c]];
-          for (Eigen::Index a = 0; a < k; ++a)
-            of_node[static_cast<std::size_t>(a)] += p.weight * Psi[a] * p.N_other[c];
-        }
+        const CommonPoint& p = points[i];
+        const OfNodes<dim> Psi = A * Eigen::Map<const OfNodes<dim>>(p.N_multiplier.data(), most);
+        for (std::size_t c = 0; c < nodes.size(); ++c)
+          for (Eigen::Index a = 0; a < most; ++a)
+            of_node[c][a] += p.weight * Psi[a] * p.N_other[c];
       }
+    }
+    sort_by_node(C);
     parts.face.push_back(static_cast<std::int32_t>(f));
     parts.measure.push_back(measure);
     parts.D.insert(parts.D.end(), N_1.data(), N_1.data() + k);
@@ -409,14 +391,14 @@ template <int dim>
 Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
                              double search_distance, const link::Team* team)
 {
-  const bool share =
-      team != nullptr && team->size() > 1 && multiplier.faces.size() >= faces_worth_sharing<dim>;
+  const bool share = team != nullptr && team->size() > 1 && multiplier.faces.size() >= faces_worth_sharing;
   const std::vector<FaceParts> all =
       share ? integrate_with(*team, multiplier, other, search_distance)
             : std::vector{integrate_faces(multiplier, other, search_distance, 0, multiplier.faces.size())};
 
-  std::map<int, double> D;
-  std::map<int, std::map<int, double>> C;
+  // By node of the multiplier side; a node without faces that meet the other side has nothing in C.
+  std::vector<double> D(multiplier.x.size(), 0.0);
+  std::vector<std::vector<std::pair<int, double>>> C(multiplier.x.size());
   Mortar<dim> mortar;
   double common_measure = 0.0;
   for (const FaceParts& parts : all)
@@ -428,19 +410,22 @@ Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const Interf
       common_measure += parts.measure[k];
       const auto& m = multiplier.faces[static_cast<std::size_t>(parts.face[k])];
       for (const int a : m)
-        D[a] += parts.D[d++];
+        D[static_cast<std::size_t>(a)] += parts.D[d++];
       for (std::int32_t i = 0; i < parts.n_nodes[k]; ++i, ++at)
         for (const int a : m)
-          C[a][parts.node[at]] += parts.C[c++];
+          entry_of(C[static_cast<std::size_t>(a)], parts.node[at]) += parts.C[c++];
     }
   }
   const auto normals = nodal_normals(multiplier);
-  for (const auto& [node, d] : D)
+  for (std::size_t node = 0; node < C.size(); ++node)
   {
-    mortar.multiplier_node.push_back(node);
-    mortar.normal.push_back(normals[static_cast<std::size_t>(node)]);
-    mortar.D.push_back(d);
-    mortar.C.emplace_back(C[node].begin(), C[node].end());
+    if (C[node].empty())
+      continue;
+    sort_by_node(C[node]);
+    mortar.multiplier_node.push_back(static_cast<int>(node));
+    mortar.normal.push_back(normals[node]);
+    mortar.D.push_back(D[node]);
+    mortar.C.push_back(std::move(C[node]));
   }
   mortar.covered = {common_measure / multiplier.total_measure(), common_measure / other.total_measure()};
   return mortar;
@@ -475,150 +460,6 @@ void append_constraints(const Mortar<dim>& mortar, Side multiplier_side, Interfa
         add_row(a, e);
       }
 }
-
-namespace
-{
-
-/// A convex polygon in the plane of a multiplier facet.
-using Polygon = std::vector<Vec<2>>;
-
-double signed_area(const Polygon& p)
-{
-  double twice = 0.0;
-  for (std::size_t i = 0; i < p.size(); ++i)
-  {
-    const Vec<2>&a = p[i], &b = p[(i + 1) % p.size()];
-    twice += a[0] * b[1] - a[1] * b[0];
-  }
-  return 0.5 * twice;
-}
-
-/// Sutherland-Hodgman: the part of `subject` inside the convex, counter-clockwise `window`.
-Polygon clip(Polygon subject, const Polygon& window)
-{
-  for (std::size_t i = 0; i < window.size() && !subject.empty(); ++i)
-  {
-    const Vec<2>&a = window[i], &b = window[(i + 1) % window.size()];
-    const auto side = [&](const Vec<2>& p)
-    { return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]); };
-    Polygon result;
-    for (std::size_t k = 0; k < subject.size(); ++k)
-    {
-      const Vec<2>&p = subject[k], &q = subject[(k + 1) % subject.size()];
-      const double s_p = side(p), s_q = side(q);
-      if (s_p >= 0.0)
-        result.push_back(p);
-      if ((s_p > 0.0 && s_q < 0.0) || (s_p < 0.0 && s_q > 0.0))
-        result.push_back(p + (s_p / (s_p - s_q)) * (q - p));
-    }
-    subject = std::move(result);
-  }
-  return subject;
-}
-
-/// Shape functions of a (projected) triangle or quadrilateral at a point of its plane.
-std::array<double, 4> shape_functions_at(const Polygon& face, const Vec<2>& p)
-{
-  if (face.size() == 3)
-  {
-    const double area = signed_area(face);
-    std::array<double, 4> N{};
-    for (std::size_t a = 0; a < 3; ++a)
-      N[a] = signed_area({p, face[(a + 1) % 3], face[(a + 2) % 3]}) / area;
-    return N;
-  }
-  double xi = 0.0, eta = 0.0;
-  std::array<double, 4> N{};
-  for (int iteration = 0; iteration < 20; ++iteration)
-  {
-    N = {0.25 * (1 - xi) * (1 - eta), 0.25 * (1 + xi) * (1 - eta), 0.25 * (1 + xi) * (1 + eta),
-         0.25 * (1 - xi) * (1 + eta)};
-    const std::array<double, 4> dN_xi{-0.25 * (1 - eta), 0.25 * (1 - eta), 0.25 * (1 + eta),
-                                      -0.25 * (1 + eta)};
-    const std::array<double, 4> dN_eta{-0.25 * (1 - xi), -0.25 * (1 + xi), 0.25 * (1 + xi), 0.25 * (1 - xi)};
-    Vec<2> r = p;
-    Mat<2> J;
-    for (std::size_t a = 0; a < 4; ++a)
-    {
-      r -= N[a] * face[a];
-      for (int i = 0; i < 2; ++i)
-      {
-        J(i, 0) += dN_xi[a] * face[a][i];
-        J(i, 1) += dN_eta[a] * face[a][i];
-      }
-    }
-    const Vec<2> step = inverse(J) * r;
-    xi += step[0];
-    eta += step[1];
-    if (norm(step) < 1e-15)
-      break;
-  }
-  return {0.25 * (1 - xi) * (1 - eta), 0.25 * (1 + xi) * (1 - eta), 0.25 * (1 + xi) * (1 + eta),
-          0.25 * (1 - xi) * (1 + eta)};
-}
-
-std::vector<CommonPoint> common_points(const InterfaceFaces<3>& multiplier, const std::vector<Vec<3>>&,
-                                       const std::vector<int>& m, const InterfaceFaces<3>& other,
-                                       const std::vector<int>& o)
-{
-  const Vec<3> n = multiplier.normal(m), origin = multiplier.x[m[0]];
-  Vec<3> e_1 = multiplier.x[m[1]] - origin;
-  e_1 = e_1 - dot(e_1, n) * n;
-  e_1 *= 1.0 / norm(e_1);
-  const Vec<3> e_2 = cross(n, e_1);
-  const auto in_plane = [&](const InterfaceFaces<3>& side, const std::vector<int>& face, bool reverse)
-  {
-    Polygon p;
-    for (const int a : face)
-      p.push_back({{dot(side.x[a] - origin, e_1), dot(side.x[a] - origin, e_2)}});
-    if (reverse)
-      std::reverse(p.begin(), p.end());
-    return p;
-  };
-  const Polygon face_m = in_plane(multiplier, m, false), face_o = in_plane(other, o, false);
-  const Polygon common = clip(in_plane(other, o, true), face_m);
-
-  std::vector<CommonPoint> points;
-  if (common.size() < 3 || signed_area(common) <= 1e-12 * signed_area(face_m))
-    return points;
-  // Fan of triangles from the centroid, six points each (exact to degree 4: products of two bilinear
-  // functions).
-  static constexpr double a_1 = 0.445948490915965, w_1 = 0.223381589678011, a_2 = 0.091576213509771,
-                          w_2 = 0.109951743655322;
-  static constexpr std::array<std::array<double, 4>, 6> rule{{{a_1, a_1, 1 - 2 * a_1, w_1},
-                                                              {a_1, 1 - 2 * a_1, a_1, w_1},
-                                                              {1 - 2 * a_1, a_1, a_1, w_1},
-                                                              {a_2, a_2, 1 - 2 * a_2, w_2},
-                                                              {a_2, 1 - 2 * a_2, a_2, w_2},
-                                                              {1 - 2 * a_2, a_2, a_2, w_2}}};
-  Vec<2> centre{};
-  for (const auto& p : common)
-    centre += (1.0 / static_cast<double>(common.size())) * p;
-  for (std::size_t k = 0; k < common.size(); ++k)
-  {
-    const Polygon triangle{centre, common[k], common[(k + 1) % common.size()]};
-    const double area = signed_area(triangle);
-    if (area <= 0.0)
-      continue;
-    for (const auto& [l_0, l_1, l_2, w] : rule)
-    {
-      const Vec<2> p = l_0 * triangle[0] + l_1 * triangle[1] + l_2 * triangle[2];
-      CommonPoint point{.weight = w * area,
-                        .N_multiplier = shape_functions_at(face_m, p),
-                        .N_other = shape_functions_at(face_o, p)};
-      Vec<3> between{};
-      for (std::size_t a = 0; a < m.size(); ++a)
-        between += point.N_multiplier[a] * multiplier.x[m[a]];
-      for (std::size_t a = 0; a < o.size(); ++a)
-        between -= point.N_other[a] * other.x[o[a]];
-      point.gap = norm(between);
-      points.push_back(point);
-    }
-  }
-  return points;
-}
-
-} // namespace
 
 template struct InterfaceFaces<2>;
 template struct InterfaceFaces<3>;

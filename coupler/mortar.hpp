@@ -62,11 +62,9 @@ template <int dim>
 Mortar<dim> integrate_mortar(const InterfaceFaces<dim>& multiplier, const InterfaceFaces<dim>& other,
                              double search_distance, const link::Team* team = nullptr);
 
-/// Multiplier faces from which on sharing pays: 20 ms of integration (4 us per face in the plane, 70 in
-/// space) against the millisecond after which a sleeping rank wakes up and its answer;
-/// docs/benchmarks/scaling.md
-template <int dim>
-inline constexpr std::size_t faces_worth_sharing = dim == 2 ? 5000 : 250;
+/// Multiplier faces from which on sharing pays: 20 ms of integration (4 us per face) against the millisecond
+/// after which a sleeping rank wakes up and its answer; docs/benchmarks/scaling.md
+inline constexpr std::size_t faces_worth_sharing = 5000;
 
 /// What a helper does when rank 0 integrates: a stretch of the faces.
 template <int dim>
