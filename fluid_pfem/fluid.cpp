@@ -242,12 +242,13 @@ bool Fluid<dim>::mesh_is_bad()
         });
     return found.load();
   };
-  const bool worse = any_share(
-      [this](const Share& share)
-      {
-        return is_worse<dim>(mesh_, share.element_begin, share.element_end, nodes_.x, quality_,
-                             config_.remesh.quality, nodes_.period);
-      });
+  const bool worse = good_at_ != steps_ &&
+                     any_share(
+                         [this](const Share& share)
+                         {
+                           return is_worse<dim>(mesh_, share.element_begin, share.element_end, nodes_.x,
+                                                quality_, config_.remesh.quality, nodes_.period);
+                         });
   if (any_rank(worse))
     return true;
   const std::int64_t due = config_.remesh.every == 0 ? 0 : steps_since_remesh_ / config_.remesh.every;

@@ -332,7 +332,7 @@ private:
   index_t update_state(index_t begin, index_t end);
   void limit_tension(index_t begin, index_t end);
   void add_element_forces(const Step<dim>& step, const index_t* list, index_t begin, index_t end,
-                          const Share& share);
+                          const Share& share, ShapeLook* look = nullptr);
   void accelerate(const Step<dim>& step, index_t begin, index_t end);
   void constrain_accelerations(index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
@@ -464,6 +464,7 @@ private:
   std::vector<Vec<dim>> v_half_;        ///< velocities of the half step, during a remesh
   std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
   std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
+  std::int64_t good_at_ = -1;           ///< after this step no element of this rank was worse than it may be
   double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
   int slow_axis_ = dim - 1;             ///< along which nodes are numbered last
   Bisection<dim> boxes_; ///< if these are their order, of the nodes when all rows were renewed last

@@ -3,6 +3,7 @@
 
 #include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/newtonian.hpp"
+#include "fluid_pfem/remesh/distortion.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
@@ -38,6 +39,7 @@ struct Added
   std::array<Vec<dim, Real>, dim> F;
   std::array<Real, dim> dm;
   Real dissipation;
+  Real S_squared, V; ///< Σ|S|² and volume, for looks at the shape
 };
 
 struct Constants
@@ -70,6 +72,8 @@ Added<dim, Real> element_forces(const Element<dim, Real>& e, const Constants& k,
     }
     S_squared = max(S_squared + norm_squared(minus_S0), Real(1e-100));
     V = dot(minus_S0, e.edge);
+    add.S_squared = S_squared;
+    add.V = V;
   }
   if constexpr (stabilised)
   {
@@ -229,10 +233,29 @@ Element<dim, Lanes> gather(const NodeRecord<dim>* record, const Simplex<dim>* el
   return e;
 }
 
-template <bool stabilised, bool shear, int dim>
+/// One of the elements from `first` on, `count` ≤ 8, may be below least_quality(); q = 4√3 V/Σl² with
+/// Σl² = 4 Σ|S|².
+bool may_be_worse(const Added<2, Lanes>& e, index_t first, int count, const ShapeLook& look)
+{
+  typedef float Floats __attribute__((vector_size(Lanes::size * sizeof(float))));
+  const float* const from = look.before.data() + first;
+  Floats before;
+  if (count == Lanes::size)
+    __builtin_memcpy(&before, from, sizeof before);
+  else
+    for (int l = 0; l < Lanes::size; ++l)
+      before[l] = from[std::min(l, count - 1)];
+  constexpr double round_off = 1e-9; // far beyond that of q computed in two ways
+  const Lanes least = Lanes(round_off) +
+                      least_quality(look.limit, Lanes(__builtin_convertvector(before, Lanes::Numbers)));
+  return any(~(least * e.S_squared < Lanes(std::sqrt(3.0)) * e.V));
+}
+
+template <bool stabilised, bool shear, bool looks, int dim>
 UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
                                    const Constants& k, const Vec<dim>& body, const index_t* list,
-                                   index_t begin, index_t end, const Share& share, ElementSums<dim>& sums)
+                                   index_t begin, index_t end, const Share& share, ElementSums<dim>& sums,
+                                   ShapeLook* look)
 {
   using Record = NodeRecord<dim>;
   constexpr int L = Lanes::size;
@@ -244,6 +267,7 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
   const bool all_mine = share.owns_corners(list, begin);
   Lanes dissipation(0.0);
   double dissipation_of_rest = 0.0;
+  bool doubtful = false;
   Element<dim, Lanes> e;
   const auto read = [&](index_t first)
   {
@@ -278,6 +302,8 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
       return least;
     };
     const auto add = element_forces<stabilised, shear, dim, Lanes>(e, k, b, least_mass);
+    if constexpr (looks)
+      doubtful |= may_be_worse(add, first, count, *look);
     if (ahead && first + L < end)
       read(first + L);
     const auto rows_of = [&add](std::size_t c)
@@ -326,6 +352,8 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
   }
   for (int l = 0; l < L; ++l)
     dissipation_of_rest += dissipation[l];
+  if constexpr (looks)
+    look->good = look->good && !doubtful;
   return dissipation_of_rest;
 }
 
@@ -375,7 +403,7 @@ template <int dim>
 double add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
                           const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
                           const index_t* list, index_t begin, index_t end, const Share& share,
-                          ElementSums<dim>& sums)
+                          ElementSums<dim>& sums, ShapeLook* look)
 {
   const Constants constants{.b1_c0 = config.bulk_linear * c0,
                             .b2_squared = config.bulk_quadratic * config.bulk_quadratic,
@@ -383,10 +411,20 @@ double add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nod
                             .alpha = config.residual * std::sqrt(2.0 * dim) / c0,
                             .dt = dt};
   const bool stabilised = config.bulk() || config.residual > 0.0;
+  const bool looks = dim == 2 && stabilised && list == nullptr && look != nullptr;
+  if (look != nullptr && !looks)
+    look->good = false;
   const auto pass = [&]<bool with_stabilisers, bool with_shear>()
   {
-    return element_pass<with_stabilisers, with_shear, dim>(mesh, nodes, constants, b, list, begin, end, share,
-                                                           sums);
+    const auto run = [&]<bool with_look>()
+    {
+      return element_pass<with_stabilisers, with_shear, with_look, dim>(mesh, nodes, constants, b, list,
+                                                                        begin, end, share, sums, look);
+    };
+    if constexpr (with_stabilisers && dim == 2)
+      if (looks)
+        return run.template operator()<true>();
+    return run.template operator()<false>();
   };
   if (config.mu > 0.0)
     return stabilised ? pass.template operator()<true, true>() : pass.template operator()<false, true>();
@@ -416,10 +454,10 @@ template void record_nodes<3>(const FluidNodes<3>&, const ElementTermsConfig&, i
                               ElementSums<3>&);
 template double add_element_forces<2>(const FluidMesh<2>&, const FluidNodes<2>&, const ElementTermsConfig&,
                                       double, const Vec<2>&, double, const index_t*, index_t, index_t,
-                                      const Share&, ElementSums<2>&);
+                                      const Share&, ElementSums<2>&, ShapeLook*);
 template double add_element_forces<3>(const FluidMesh<3>&, const FluidNodes<3>&, const ElementTermsConfig&,
                                       double, const Vec<3>&, double, const index_t*, index_t, index_t,
-                                      const Share&, ElementSums<3>&);
+                                      const Share&, ElementSums<3>&, ShapeLook*);
 template void take_acceleration<2>(FluidNodes<2>&, const Vec<2>&, index_t, index_t, ElementSums<2>&,
                                    std::span<double>);
 template void take_acceleration<3>(FluidNodes<3>&, const Vec<3>&, index_t, index_t, ElementSums<3>&,

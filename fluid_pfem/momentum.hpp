@@ -62,6 +62,14 @@ struct ElementSums
   void reset(index_t n, index_t begin, index_t end);
 };
 
+/// What an element pass sees of shapes by the way: no element that is_worse() would find.
+struct ShapeLook
+{
+  std::span<const float> before; ///< quality of each element at the last remesh
+  double limit = 0.0;            ///< as of is_worse
+  bool good = true;              ///< false: perhaps one; always in space and without stabilisers
+};
+
 /// Records of nodes [begin, end): velocities at the half step, accelerations of the last instant.
 template <int dim>
 void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config, index_t begin, index_t end,
@@ -75,12 +83,13 @@ void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config
 /// hydrostatic rest), τ = 2μ dev D. The length ℓ = (Σ|∇N|²)^(−1/2) is a height: q and z are bounded on
 /// slivers and need no division by V. Over a step `dt` [s] z takes at most a twentieth of the smallest mass
 /// of its element.
+/// @param look null: nobody looks at shapes
 /// @returns power that these elements turn into heat by q and τ [W]
 template <int dim>
 double add_element_forces(const FluidMesh<dim>& mesh, const FluidNodes<dim>& nodes,
                           const ElementTermsConfig& config, double c0, const Vec<dim>& b, double dt,
                           const index_t* list, index_t begin, index_t end, const Share& share,
-                          ElementSums<dim>& sums);
+                          ElementSums<dim>& sums, ShapeLook* look = nullptr);
 
 /// Acceleration a = F/inertia + b of nodes [begin, end), and the mass flux ṁ [kg/s] of the first of them, as
 /// many as `mass_rate` holds. Takes the sums: they are zero afterwards.

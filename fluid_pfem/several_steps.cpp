@@ -44,6 +44,7 @@ struct Fluid<dim>::InFlight
   bool done = false;
   double fastest = 0.0; ///< squared speed of the fastest node of this rank [m²/s²]
   index_t bad = -1;     ///< a node of this rank whose elements have turned over, or −1
+  ShapeLook look;       ///< in the last step
   Share inner, at_edge; ///< who gets forces: where all corners do, and where not
   const std::vector<index_t>* earlier = nullptr; ///< elements before its own that touch its nodes
   index_t stair = 0; ///< the thread below waits until all before this node have their forces
@@ -152,6 +153,9 @@ void Fluid<dim>::skew(double dt, int steps)
       fastest = std::max(fastest, thread.flight[number].fastest);
     }
     check_state(bad);
+    if (std::all_of(threads.begin(), threads.end(),
+                    [&](const SweepOfThread& thread) { return thread.flight[number].look.good; }))
+      good_at_ = steps_; // the last of these steps
     const Move move{.dt = dt, .speed = std::sqrt(fastest), .of_solid = 0.0};
     if (ranks().alone())
       move_on(move);
@@ -172,7 +176,8 @@ auto Fluid<dim>::in_flight(const Step<dim>& step, double booked, std::size_t t, 
              .knows = around(2 * left + 1),
              .gets = around(2 * left),
              .exchanges = around(2 * left),
-             .taken = taken_[std::min(left, taken_.size() - 1)]};
+             .taken = taken_[std::min(left, taken_.size() - 1)],
+             .look = {.before = quality_, .limit = config_.remesh.quality, .good = left == 0}};
   // Of a ladder for more steps those in its middle.
   const auto rung = [&](std::size_t ladder) -> const Rung&
   { return ladders_[ladder][step.number + (ladders_[ladder].size() - static_cast<std::size_t>(steps)) / 2]; };
@@ -242,7 +247,8 @@ bool Fluid<dim>::take_block(SweepOfThread& thread, InFlight& f, index_t may_move
     add_element_forces(f.step, f.earlier->data(), 0, static_cast<index_t>(f.earlier->size()), f.at_edge);
   if (e < e_end)
     add_element_forces(f.step, nullptr, e, e_end,
-                       e >= f.taken.inner.begin && e_end <= f.taken.inner.end ? f.inner : f.at_edge);
+                       e >= f.taken.inner.begin && e_end <= f.taken.inner.end ? f.inner : f.at_edge,
+                       f.look.good ? &f.look : nullptr);
   if (const index_t end = std::min(to.complete, f.gets.end); f.gets.begin < end)
   {
     accelerate(f.step, f.gets.begin, end);

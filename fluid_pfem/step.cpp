@@ -168,10 +168,10 @@ void Fluid<dim>::limit_tension(index_t begin, index_t end)
 
 template <int dim>
 void Fluid<dim>::add_element_forces(const Step<dim>& step, const index_t* list, index_t begin, index_t end,
-                                    const Share& share)
+                                    const Share& share, ShapeLook* look)
 {
   const double power = fluid::add_element_forces<dim>(mesh_, nodes_, config_.terms, sound_speed(), step.g,
-                                                      step.dt, list, begin, end, share, sums_);
+                                                      step.dt, list, begin, end, share, sums_, look);
   if (list == nullptr)
     sums_.heat[static_cast<std::size_t>(begin / element_block)] += step.dt * power;
 }

@@ -30,7 +30,7 @@ template <int dim>
     else
       for (index_t l = 0; l < L; ++l)
         q[l] = q_before[std::min(l, end - 1 - first)];
-    Lanes least = min(Lanes(limit), Lanes(0.6) * load_lanes(q, L));
+    Lanes least = least_quality(limit, load_lanes(q, L));
     if constexpr (dim == 3)
       least *= least * least;
     if (any(~(least <= quality_power<dim, Lanes>(corner))))

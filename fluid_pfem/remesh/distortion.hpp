@@ -3,14 +3,22 @@
 
 #include "fluid_pfem/fluid_mesh.hpp"
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
 namespace undine::fluid
 {
 
-/// The quality of one of the elements [begin, end) is below `limit` and below 0.6 of what it was, or not a
-/// number.
+/// Below it an element is worse than it may be: below `limit` and below 0.6 of what it was.
+template <class Real>
+Real least_quality(double limit, const Real& before)
+{
+  using std::min;
+  return min(Real(limit), Real(0.6) * before);
+}
+
+/// The quality of one of the elements [begin, end) is below least_quality(), or not a number.
 /// @param before quality of each element at the last remesh
 template <int dim>
 bool is_worse(const FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const Vec<dim>> x,

@@ -121,6 +121,7 @@ void Fluid<dim>::finish_mesh()
   steps_since_remesh_ = 0;
   travelled_ = 0.0;
   good_for_ = 0;
+  good_at_ = -1;
   turned_over_ = turned_over_agreed_ = 0;
   agreed_at_ = steps_;
   x_remesh_.resize(static_cast<std::size_t>(n_nodes));
