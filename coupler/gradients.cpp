@@ -17,24 +17,67 @@ namespace
 
 constexpr std::size_t block = 256; ///< rows whose products are added first
 
-void write(link::wire::Writer& out, const SparseMatrix& A)
+/// The rows that are wanted.
+void write(link::wire::Writer& out, const Rows& A, const std::vector<char>& wanted)
 {
-  const auto starts = static_cast<std::size_t>(A.outerSize()) + 1,
-             entries = static_cast<std::size_t>(A.nonZeros());
+  std::vector<std::int32_t> row, entries, column;
+  std::vector<double> value;
+  for (Eigen::Index k = 0; k < A.rows(); ++k)
+    if (wanted[static_cast<std::size_t>(k)] != 0)
+    {
+      row.push_back(static_cast<std::int32_t>(k));
+      for (Rows::InnerIterator it(A, k); it; ++it)
+      {
+        column.push_back(static_cast<std::int32_t>(it.col()));
+        value.push_back(it.value());
+      }
+      entries.push_back(static_cast<std::int32_t>(column.size()));
+    }
   out.i64(A.rows());
-  out.list<std::int32_t>({A.outerIndexPtr(), starts});
-  out.list<std::int32_t>({A.innerIndexPtr(), entries});
-  out.list<double>({A.valuePtr(), entries});
+  out.i64(A.cols());
+  out.list<std::int32_t>(row);
+  out.list<std::int32_t>(entries);
+  out.list<std::int32_t>(column);
+  out.list<double>(value);
 }
 
-SparseMatrix read_matrix(link::wire::Reader& in)
+/// The matrix with these rows; others are empty.
+Rows read_rows(link::wire::Reader& in)
 {
-  const auto rows = in.i64("rows");
-  const auto starts = in.i32_list("starts"), entries = in.i32_list("entries");
-  const auto values = in.f64_list("values");
-  return Eigen::Map<const SparseMatrix>(rows, static_cast<Eigen::Index>(starts.size()) - 1,
-                                        static_cast<Eigen::Index>(values.size()), starts.data(),
-                                        entries.data(), values.data());
+  const auto rows = in.i64("rows"), columns = in.i64("columns");
+  const auto row = in.i32_list("row"), entries = in.i32_list("entries"), column = in.i32_list("column");
+  const auto value = in.f64_list("value");
+  std::vector<std::int32_t> starts(static_cast<std::size_t>(rows) + 1, 0);
+  std::size_t next = 0;
+  for (std::size_t k = 0; k < row.size(); ++k)
+  {
+    const auto r = static_cast<std::size_t>(row[k]);
+    for (; next <= r; ++next)
+      starts[next] = k == 0 ? 0 : entries[k - 1];
+  }
+  for (; next < starts.size(); ++next)
+    starts[next] = entries.empty() ? 0 : entries.back();
+  return Eigen::Map<const Rows>(rows, columns, static_cast<Eigen::Index>(value.size()), starts.data(),
+                                column.data(), value.data());
+}
+
+/// What the rank with the multipliers from begin to before end needs of a side: their rows of L, those of M⁻¹
+/// of the velocities that they ask for, and the rows of L that make these velocities.
+void write_needed(link::wire::Writer& out, const Rows& L, const SparseMatrix& L_by_columns,
+                  const Rows& inverse_mass, Eigen::Index begin, Eigen::Index end)
+{
+  std::vector<char> rows(static_cast<std::size_t>(L.rows()), 0), asked(static_cast<std::size_t>(L.cols()), 0);
+  for (Eigen::Index row = begin; row < end; ++row)
+    for (Rows::InnerIterator it(L, row); it; ++it)
+      asked[static_cast<std::size_t>(it.col())] = 1;
+  for (Eigen::Index v = 0; v < L.cols(); ++v)
+    if (asked[static_cast<std::size_t>(v)] != 0)
+      for (Rows::InnerIterator moved(inverse_mass, v); moved; ++moved)
+        for (SparseMatrix::InnerIterator it(L_by_columns, moved.col()); it; ++it)
+          rows[static_cast<std::size_t>(it.row())] = 1;
+  std::fill(rows.begin() + begin, rows.begin() + end, 1);
+  write(out, L, rows);
+  write(out, inverse_mass, asked);
 }
 
 Vector read_vector(link::wire::Reader& in, const char* name)
@@ -44,7 +87,7 @@ Vector read_vector(link::wire::Reader& in, const char* name)
 }
 
 /// use(row, product of the row with x). Four sums: one would wait for each addition.
-void for_each_row(const Eigen::SparseMatrix<double, Eigen::RowMajor>& A, const Vector& x, const auto& use)
+void for_each_row(const Rows& A, const Vector& x, const auto& use)
 {
   const double *const value = A.valuePtr(), *const of = x.data();
   const int* const column = A.innerIndexPtr();
@@ -72,20 +115,21 @@ Gradients::Part Gradients::part_of(const InterfaceSide& side, Eigen::Index begin
   std::vector<int> number(static_cast<std::size_t>(side.L.cols()), -1);
   for (Eigen::Index k = 0; k < part.constraint.nonZeros(); ++k)
     number[static_cast<std::size_t>(part.constraint.innerIndexPtr()[k])] = 0;
-  const Rows response = Rows(side.inverse_mass) * Rows(side.L.transpose());
   int asked = 0;
   for (int& k : number)
     if (k == 0)
       k = asked++;
-  part.response.resize(asked, response.cols());
-  for (Eigen::Index row = 0; row < response.rows(); ++row)
+  const Rows inverse_mass(side.inverse_mass);
+  Rows of_asked(asked, inverse_mass.cols());
+  for (Eigen::Index row = 0; row < inverse_mass.rows(); ++row)
     if (const int k = number[static_cast<std::size_t>(row)]; k >= 0)
     {
-      part.response.startVec(k);
-      for (Rows::InnerIterator it(response, row); it; ++it)
-        part.response.insertBack(k, it.col()) = it.value();
+      of_asked.startVec(k);
+      for (Rows::InnerIterator it(inverse_mass, row); it; ++it)
+        of_asked.insertBack(k, it.col()) = it.value();
     }
-  part.response.finalize();
+  of_asked.finalize();
+  part.response = of_asked * Rows(side.L.transpose());
   Rows constraint(end - begin, asked);
   for (Eigen::Index row = 0; row < constraint.rows(); ++row)
   {
@@ -107,18 +151,6 @@ Gradients::Part Gradients::part_of(const InterfaceSide& side, Eigen::Index begin
 Gradients::Gradients(const std::array<InterfaceSide, 2>& side, const link::Team* team)
     : team_(team), n_(side[0].L.rows())
 {
-  if (leads())
-  {
-    std::vector<std::byte> task;
-    link::wire::Writer out(task);
-    out.i32(static_cast<std::int32_t>(Task::rows));
-    for (const InterfaceSide& s : side)
-    {
-      write(out, s.L);
-      write(out, s.inverse_mass);
-    }
-    team_->tell(std::move(task));
-  }
   const auto ranks = static_cast<std::size_t>(team_ == nullptr ? 1 : team_->size()),
              rank = static_cast<std::size_t>(team_ == nullptr ? 0 : team_->rank());
   const auto n = static_cast<std::size_t>(n_), n_blocks = (n + block - 1) / block;
@@ -130,6 +162,8 @@ Gradients::Gradients(const std::array<InterfaceSide, 2>& side, const link::Team*
     rows_.own.push_back({std::min(n, block * from), std::min(n, block * to)});
     rows_.wanted.push_back({0, n});
   }
+  if (leads())
+    hand_out(side);
   block_sum_.resize(n_blocks);
   begin_ = static_cast<Eigen::Index>(rows_.own[rank][0]);
   size_ = static_cast<Eigen::Index>(rows_.own[rank][1]) - begin_;
@@ -162,6 +196,25 @@ Gradients::Gradients(const std::array<InterfaceSide, 2>& side, const link::Team*
   share(wanted.data(), pairs);
   for (std::size_t r = 0; r < ranks; ++r)
     rows_.wanted[r] = {static_cast<std::size_t>(wanted[2 * r]), static_cast<std::size_t>(wanted[2 * r + 1])};
+}
+
+void Gradients::hand_out(const std::array<InterfaceSide, 2>& side) const
+{
+  std::vector<std::byte> task;
+  link::wire::Writer(task).i32(static_cast<std::int32_t>(Task::rows));
+  team_->tell(std::move(task));
+  std::vector<std::vector<std::byte>> needed(rows_.own.size());
+  for (const InterfaceSide& s : side)
+  {
+    const Rows L(s.L), inverse_mass(s.inverse_mass);
+    for (std::size_t r = 1; r < needed.size(); ++r)
+    {
+      link::wire::Writer out(needed[r]);
+      write_needed(out, L, s.L, inverse_mass, static_cast<Eigen::Index>(rows_.own[r][0]),
+                   static_cast<Eigen::Index>(rows_.own[r][1]));
+    }
+  }
+  team_->hand_out(std::move(needed));
 }
 
 void Gradients::share(double* all, const link::Stretches& stretches) const
@@ -269,13 +322,15 @@ Gradients::Solution Gradients::solve(const std::array<double, 2>& weights, const
   return solution;
 }
 
-Gradients Gradients::read(link::wire::Reader in, const link::Team& team)
+Gradients Gradients::receive(const link::Team& team)
 {
+  const auto bytes = team.hand_out({});
+  link::wire::Reader in(bytes, "rows of a helper");
   std::array<InterfaceSide, 2> side;
   for (InterfaceSide& s : side)
   {
-    s.L = read_matrix(in);
-    s.inverse_mass = read_matrix(in);
+    s.L = read_rows(in);
+    s.inverse_mass = read_rows(in);
   }
   in.end();
   return {side, &team};

@@ -24,6 +24,8 @@ namespace undine::coupler
 
 struct InterfaceSide;
 
+using Rows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+
 /// Rows of H in stretches, one for each rank. All members are collective; what rank 0 gives them it tells the
 /// others, which are in help() and repeat the call.
 class Gradients
@@ -34,6 +36,7 @@ public:
   static constexpr int most = 5000; ///< iterations
 
   /// team: ranks that share the work, all of them in this call, or nullptr: alone. It must live as long.
+  /// side: on rank 0 whole, on others what rank 0 hands them.
   Gradients(const std::array<InterfaceSide, 2>& side, const link::Team* team);
 
   /// Diagonal of both sides' L M⁻¹ Lᵀ together, of all rows.
@@ -50,12 +53,10 @@ public:
   Solution solve(const std::array<double, 2>& weights, const Vector& rhs, const Vector& start);
 
   /// What a helper does when rank 0 calls the constructor, or solve().
-  static Gradients read(link::wire::Reader in, const link::Team& team);
+  static Gradients receive(const link::Team& team);
   void help(link::wire::Reader in);
 
 private:
-  using Rows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-
   /// What the stretch of this rank needs of one side.
   struct Part
   {
@@ -66,6 +67,8 @@ private:
   };
   static Part part_of(const InterfaceSide& side, Eigen::Index begin, Eigen::Index end);
 
+  /// To each helper what its stretch needs of both sides.
+  void hand_out(const std::array<InterfaceSide, 2>& side) const;
   bool leads() const { return team_ != nullptr && team_->size() > 1 && team_->rank() == 0; }
   void share(double* all, const link::Stretches& stretches) const;
   /// The stretch of H x.

@@ -31,7 +31,7 @@ void help(const link::Team& team)
       help_to_integrate<3>(team, in);
       break;
     case Task::rows:
-      gradients.emplace(Gradients::read(in, team));
+      gradients.emplace(Gradients::receive(team));
       break;
     case Task::solution:
       require(gradients.has_value(), "an operator comes before its solutions");

@@ -55,14 +55,13 @@ Team::~Team()
     MPI_Comm_free(&comm_);
 }
 
-void Team::complete(MPI_Request request) const
+void Team::complete(MPI_Request request, int awaited) const
 {
-  const int awaited = rank_ > 0 ? 0 : size_ == 2 ? 1 : -1;
   Patience patience(limit_);
   for (int done = 0;;)
   {
     require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent,
-                "telling all ranks of a program");
+                "a message to or from another rank of a program");
     if (done != 0)
       return;
     wait_for(awaited, patience);
@@ -71,13 +70,14 @@ void Team::complete(MPI_Request request) const
 
 std::vector<std::byte> Team::tell(std::vector<std::byte> bytes) const
 {
+  const int awaited = rank_ > 0 ? 0 : size_ == 2 ? 1 : -1;
   std::uint64_t size = bytes.size();
   MPI_Request request = MPI_REQUEST_NULL;
   MPI_Ibcast(&size, 1, MPI_UINT64_T, 0, comm_, &request);
-  complete(request);
+  complete(request, awaited);
   bytes.resize(size);
   MPI_Ibcast(bytes.data(), count_of(size), MPI_BYTE, 0, comm_, &request);
-  complete(request);
+  complete(request, awaited);
   return bytes;
 }
 
@@ -89,31 +89,44 @@ std::vector<std::vector<std::byte>> Team::collect(std::span<const std::byte> min
   if (rank_ > 0)
   {
     MPI_Isend(mine.data(), count, MPI_BYTE, 0, tag, comm_, &request);
-    complete(request);
+    complete(request, 0);
     return {};
   }
   std::vector<std::vector<std::byte>> parts{{mine.begin(), mine.end()}};
   for (int rank = 1; rank < size_; ++rank)
-  {
-    Patience patience(limit_);
-    int found = 0;
-    MPI_Message handle = MPI_MESSAGE_NULL;
-    MPI_Status status;
-    while (MPI_Improbe(rank, tag, comm_, &found, &handle, &status) == MPI_SUCCESS && found == 0)
-      wait_for(rank, patience);
-    int size = 0;
-    MPI_Get_count(&status, MPI_BYTE, &size);
-    auto& part = parts.emplace_back(static_cast<std::size_t>(size));
-    MPI_Imrecv(part.data(), size, MPI_BYTE, &handle, &request);
-    for (int done = 0; done == 0;)
-    {
-      require_mpi(MPI_Test(&request, &done, MPI_STATUS_IGNORE), code::partner_silent,
-                  "collecting from all ranks of a program");
-      if (done == 0)
-        wait_for(rank, patience);
-    }
-  }
+    parts.push_back(receive(rank, tag));
   return parts;
+}
+
+std::vector<std::byte> Team::receive(int rank, int tag) const
+{
+  Patience patience(limit_);
+  int found = 0;
+  MPI_Message handle = MPI_MESSAGE_NULL;
+  MPI_Request request = MPI_REQUEST_NULL;
+  MPI_Status status;
+  while (MPI_Improbe(rank, tag, comm_, &found, &handle, &status) == MPI_SUCCESS && found == 0)
+    wait_for(rank, patience);
+  int size = 0;
+  MPI_Get_count(&status, MPI_BYTE, &size);
+  std::vector<std::byte> bytes(static_cast<std::size_t>(size));
+  MPI_Imrecv(bytes.data(), size, MPI_BYTE, &handle, &request);
+  complete(request, rank);
+  return bytes;
+}
+
+std::vector<std::byte> Team::hand_out(std::vector<std::vector<std::byte>> of_ranks) const
+{
+  constexpr int tag = 7;
+  if (rank_ > 0)
+    return receive(0, tag);
+  std::vector<MPI_Request> requests(of_ranks.size(), MPI_REQUEST_NULL);
+  for (std::size_t r = 1; r < of_ranks.size(); ++r)
+    MPI_Isend(of_ranks[r].data(), count_of(of_ranks[r].size()), MPI_BYTE, static_cast<int>(r), tag, comm_,
+              &requests[r]);
+  for (std::size_t r = 1; r < of_ranks.size(); ++r)
+    complete(requests[r], static_cast<int>(r));
+  return std::move(of_ranks[0]);
 }
 
 void Team::share(double* all, const Stretches& stretches) const

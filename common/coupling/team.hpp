@@ -37,13 +37,17 @@ public:
   std::vector<std::byte> tell(std::vector<std::byte> bytes) const;
   /// Bytes of all ranks on rank 0, by rank; on others nothing. @throws ProtocolError(36) at the limit
   std::vector<std::vector<std::byte>> collect(std::span<const std::byte> mine) const;
+  /// Bytes of rank 0 for each rank, by rank; each gets its own. Others than 0 give nothing.
+  /// @throws ProtocolError(36) at the limit
+  std::vector<std::byte> hand_out(std::vector<std::vector<std::byte>> of_ranks) const;
 
   /// Each rank gets what it wants of `all` from those that own it. Microseconds where all are in the call.
   /// @throws ProtocolError(36) at the limit
   void share(double* all, const Stretches& stretches) const;
 
 private:
-  void complete(MPI_Request request) const;
+  std::vector<std::byte> receive(int rank, int tag) const;
+  void complete(MPI_Request request, int awaited) const; ///< awaited: the other rank, or -1
 
   MPI_Comm comm_;
   double limit_;
