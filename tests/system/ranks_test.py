@@ -123,6 +123,10 @@ class Same(RanksTest):
         """The coupler's ranks share the solutions for the multipliers."""
         self.same("elastic_column", (2, 3), 0.02, "run.resolution=24", "coupling.solver=gradients", solid=lambda n: n)
 
+    def test_a_bed_under_water_in_space_by_gradients(self):
+        """441 multipliers: two blocks of sums, so that a third rank of the coupler has none."""
+        self.same("elastic_bed", (2, 3), 4e-4, "coupling.solver=gradients", solid=lambda n: n)
+
     def test_a_solid_alone(self):
         """Plastic flow, a wall, probes of everything."""
         probe = '\n[[probe]]\nname = "{}"\non = "solid"\n{}\nquantity = [{}]\n'
@@ -186,6 +190,10 @@ class Longer(RanksTest):
 
     def test_a_beam_in_water(self):
         self.same("beam_in_channel", (2,), 0.05, solid=lambda n: n)
+
+    def test_an_interface_of_ten_thousand_multipliers(self):
+        """Integrals and solutions shared by the coupler's ranks."""
+        self.same("elastic_bed", (2,), 7e-5, "run.resolution=80", solid=lambda n: n)
 
     def test_waves_and_drops(self):
         self.same("standing_wave", (2, 4), 0.5, "run.resolution=40")
