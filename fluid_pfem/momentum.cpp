@@ -246,8 +246,8 @@ bool may_be_worse(const Added<2, Lanes>& e, index_t first, int count, const Shap
     for (int l = 0; l < Lanes::size; ++l)
       before[l] = from[std::min(l, count - 1)];
   constexpr double round_off = 1e-9; // far beyond that of q computed in two ways
-  const Lanes least = Lanes(round_off) +
-                      least_quality(look.limit, Lanes(__builtin_convertvector(before, Lanes::Numbers)));
+  const Lanes least =
+      Lanes(round_off) + least_quality(look.limit, Lanes(__builtin_convertvector(before, Lanes::Numbers)));
   return any(~(least * e.S_squared < Lanes(std::sqrt(3.0)) * e.V));
 }
 
