@@ -51,7 +51,7 @@ public:
     return {.steps = fine ? plan.steps.m : 1, .fine = fine, .activate = start_compatibly_};
   }
 
-  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
+  void exchange(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
   {
     if (start_compatibly_)
       activate();
@@ -97,7 +97,7 @@ public:
     return order;
   }
 
-  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) override
+  void exchange(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) override
   {
     Group& fine = *side_[plan.steps.fine];
     link::Window order = orders[plan.steps.fine];
@@ -133,7 +133,7 @@ public:
   WindowRules rules() const override { return rules_; }
   Order order(Side, const WindowPlanner::Plan&) const override { return {}; }
 
-  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
+  void exchange(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
   {
     gc_.advance_half_step(plan.t_end - plan.t_begin, *side_[Side::fluid], *side_[Side::solid]);
   }
@@ -176,9 +176,14 @@ std::array<link::Report, 2> PermanentScheme::end_window()
       interface_.fix_positions(s);
     gc_.replace_operator(interface_.build());
   }
-  else if (interface_.has_deformed())
-    gc_.turn_operator(interface_.build());
   return report;
+}
+
+void PermanentScheme::advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders)
+{
+  if (interface_.has_deformed())
+    gc_.turn_operator(interface_.build());
+  exchange(plan, orders);
 }
 
 void PermanentScheme::for_each_state(StateArchive& archive)

@@ -10,6 +10,9 @@ namespace undine::coupler
 class PermanentScheme : public Scheme
 {
 public:
+  /// Both sides have their orders and compute their free motion, while the operator becomes that of the
+  /// surfaces they begin with.
+  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) final;
   std::array<link::Report, 2> end_window() override;
   const InterfaceBalance& balance() const override { return gc_.balance(); }
   std::span<const InterfaceReport> interfaces() const override { return interface_.report(); }
@@ -21,6 +24,7 @@ public:
   void for_each_state(StateArchive& archive) override;
 
 protected:
+  virtual void exchange(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>& orders) = 0;
   /// SETUP to all, wet surfaces from all, the operator between them. What remains is accept_meshes or
   /// reject_meshes. @throws InputError if the surfaces do not meet (all are told)
   PermanentScheme(const CouplerConfig& config, const Sides& side, const std::array<std::string, 2>& scheme);

@@ -39,7 +39,7 @@ public:
     return {.steps = 1, .fine = side == Side::fluid, .activate = side == Side::fluid && start_compatibly_};
   }
 
-  void advance(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
+  void exchange(const WindowPlanner::Plan& plan, const std::array<link::Window, 2>&) override
   {
     Group &fluid = *side_[Side::fluid], &solid = *side_[Side::solid];
     if (start_compatibly_)
