@@ -66,7 +66,7 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks, Cut cut)
     inside = [in_body = inside, openings = openings_](const Vec<dim>& x)
     { return (in_body && in_body(x)) || openings.behind_inlet(x); };
   const std::size_t n = seeds.x.size();
-  nodes_.for_each_field([n](const char*, auto& field) { field.resize(n); });
+  nodes_.for_each_field_of_all([n](const char*, auto& field) { field.resize(n); });
   nodes_.x = std::move(seeds.x);
   nodes_.surface = std::move(seeds.surface);
   update_spacing({});
@@ -94,10 +94,17 @@ Fluid<dim>::Fluid(const FluidConfig& config, const Ranks& ranks, Cut cut)
       continue;
     const auto b = static_cast<std::size_t>(seeds.body[i]);
     const auto& v0 = (b == 0 ? config : config.more_bodies[b - 1]).initial_velocity;
+    if (!v0.empty())
+      nodes_.v.resize(n);
     for (std::size_t k = 0; k < v0.size(); ++k)
       nodes_.v[i].c[k] = v0[k](nodes_.x[i][0], nodes_.x[i][1], third(nodes_.x[i]), 0.0);
   }
-  openings_.drive(nodes_, 0.0);
+  if (!openings_.empty())
+  {
+    nodes_.v.resize(n);
+    nodes_.a.resize(n);
+    openings_.drive(nodes_, 0.0);
+  }
   inside_ = std::move(inside);
   seeds = {}; // nobody needs them while the mesh is made
   triangulate();

@@ -282,10 +282,13 @@ private:
   void connect_mesh(std::vector<Simplex<dim>> elements);
   void share_elements(std::vector<Simplex<dim>> sorted);
   void gather_state();
+  void keep_own_rows();
   void gather_sums();
   std::span<const Simplex<dim>> own_elements() const;
+  void keep_places();
   void measure_quality();
-  void choose_slow_axis();
+  void choose_slow_axis(const std::vector<index_t>* held);
+  void renew_rows(const std::vector<index_t>* held);
   bool rows_are_due() const { return ledger_.remeshes % 25 == 0; } ///< all are made anew in this remesh
   std::vector<index_t> order_nodes(std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
   bool in_boxes() const
@@ -295,9 +298,10 @@ private:
   std::int64_t row_of(const Vec<dim>& x) const;
   std::vector<char> wet_groups(const std::vector<Simplex<dim>>& elements, const std::vector<index_t>* held);
   void flag_nodes();
-  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements, std::span<const char> mine);
-  std::vector<char> moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
-                                const SpacingReport& spacing) const;
+  std::vector<index_t> delete_isolated_nodes(std::vector<Simplex<dim>>& elements,
+                                             const std::vector<index_t>* held);
+  std::vector<index_t> moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
+                                   const SpacingReport& spacing) const;
   std::vector<Simplex<dim>> changed_elements(std::vector<Simplex<dim>> old, std::span<const char> moved,
                                              std::span<const index_t> number) const;
   void hand_over_mass(const std::vector<Simplex<dim>>& changed, const Particles<dim>& before,
@@ -310,7 +314,8 @@ private:
   void keep_momenta(const Patches& patches, std::span<const MassesInMotion<dim>> had,
                     std::span<Vec<dim>> v_half);
   Vec<dim> as_it_may(Vec<dim> dv, std::size_t n) const;
-  std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements);
+  std::vector<index_t> erase_nodes(const std::vector<char>& gone, std::vector<Simplex<dim>>& elements,
+                                   const std::vector<index_t>* held);
   void drop_fragments(ShapeChoice<dim>& choice) const;
   void pass_openings();
   bool row_is_due() const;
@@ -334,6 +339,7 @@ private:
   void add_element_forces(const Step<dim>& step, const index_t* list, index_t begin, index_t end,
                           const Share& share, ShapeLook* look = nullptr);
   void accelerate(const Step<dim>& step, index_t begin, index_t end);
+  void constrain_velocities();
   void constrain_accelerations(index_t begin, index_t end);
   void add_body_force(index_t begin, index_t end);
   bool forces_are_local() const;
@@ -447,26 +453,27 @@ private:
   int turned_over_agreed_ = 0;  ///< most of all ranks, when they last agreed
   std::int64_t agreed_at_ = 0;  ///< step
   mutable StepWorkspace workspace_;
-  std::vector<double> mass_rate_;       ///< stabilising mass flux into each node [kg/s]
-  std::vector<double> exchange_energy_; ///< given to each node by what moves mass, since the last remesh [J]
-  ExactSum exchange_of_all_;            ///< its sum when the rows were collected
-  double unbooked_ = 0.0;               ///< time since that was last booked [s]
-  double exchanged_ = 0.0;              ///< the same of all nodes before the last remesh [J]
-  index_t n_wet_ = 0;                   ///< nodes on an interface
-  index_t n_layer_ = 0;                 ///< wet nodes and their neighbours
-  index_t e_wet_ = 0;                   ///< elements that touch wet nodes
-  index_t e_layer_ = 0;                 ///< elements that touch wet nodes or their neighbours
-  std::vector<index_t> constrained_;    ///< nodes on walls of the box
-  std::vector<double> f_link_;          ///< last link force, n_wet × dim; right at the nodes of this rank
-  std::vector<float> quality_;          ///< of each element at the last remesh
-  std::vector<Vec<dim>> x_remesh_;      ///< positions at the last remesh; during one, at its begin
-  double coarsest_ = 0.0;               ///< spacing wanted somewhere, at the last remesh [m]
-  std::vector<Vec<dim>> v_half_;        ///< velocities of the half step, during a remesh
-  std::vector<Simplex<dim>> gaps_;      ///< between boundaries of the fluid, at the last remesh
-  std::int64_t good_for_ = 0;           ///< so many times remesh_every the mesh was found to be still good
-  std::int64_t good_at_ = -1;           ///< after this step no element of this rank was worse than it may be
-  double travelled_ = 0.0;              ///< by the fastest nodes since the last remesh [m]
-  int slow_axis_ = dim - 1;             ///< along which nodes are numbered last
+  UntouchedRows<double> mass_rate_; ///< stabilising mass flux into each node [kg/s]
+  UntouchedRows<double>
+      exchange_energy_;              ///< given to each node by what moves mass, since the last remesh [J]
+  ExactSum exchange_of_all_;         ///< its sum when the rows were collected
+  double unbooked_ = 0.0;            ///< time since that was last booked [s]
+  double exchanged_ = 0.0;           ///< the same of all nodes before the last remesh [J]
+  index_t n_wet_ = 0;                ///< nodes on an interface
+  index_t n_layer_ = 0;              ///< wet nodes and their neighbours
+  index_t e_wet_ = 0;                ///< elements that touch wet nodes
+  index_t e_layer_ = 0;              ///< elements that touch wet nodes or their neighbours
+  std::vector<index_t> constrained_; ///< nodes on walls of the box
+  std::vector<double> f_link_;       ///< last link force, n_wet × dim; right at the nodes of this rank
+  UntouchedRows<float> quality_;     ///< of each element at the last remesh
+  UntouchedRows<Vec<dim>> x_remesh_; ///< positions at the last remesh; during one, at its begin
+  double coarsest_ = 0.0;            ///< spacing wanted somewhere, at the last remesh [m]
+  std::vector<Vec<dim>> v_half_;     ///< velocities of the half step, during a remesh
+  std::vector<Simplex<dim>> gaps_;   ///< between boundaries of the fluid, at the last remesh
+  std::int64_t good_for_ = 0;        ///< so many times remesh_every the mesh was found to be still good
+  std::int64_t good_at_ = -1;        ///< after this step no element of this rank was worse than it may be
+  double travelled_ = 0.0;           ///< by the fastest nodes since the last remesh [m]
+  int slow_axis_ = dim - 1;          ///< along which nodes are numbered last
   Bisection<dim> boxes_; ///< if these are their order, of the nodes when all rows were renewed last
   global_index_t next_id_ = 0;
   double t_ = 0.0, dt_before_ = 0.0;

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 namespace undine::fluid
@@ -23,6 +24,24 @@ constexpr Real regular_volume(const Real& h)
 
 /// Row of a node that has none yet.
 constexpr std::int64_t no_row = std::numeric_limits<std::int64_t>::max();
+
+/// Some rows of a field get new numbers, the others none that matter.
+/// @param numbers of these rows; −1: none
+/// @param new_number of each row, −1: it goes
+/// @param size of the field afterwards, not more than now
+template <class T>
+void renumber_rows(std::vector<T>& field, std::span<const index_t> numbers,
+                   std::span<const index_t> new_number, std::size_t size)
+{
+  std::vector<T> rows;
+  rows.reserve(numbers.size());
+  for (const index_t n : numbers)
+    rows.push_back(n < 0 ? T{} : field[static_cast<std::size_t>(n)]);
+  field.resize(size);
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    if (const index_t n = numbers[k] < 0 ? -1 : new_number[static_cast<std::size_t>(numbers[k])]; n >= 0)
+      field[static_cast<std::size_t>(n)] = rows[k];
+}
 
 /// What a node is since the last remesh.
 enum NodeFlag : std::uint8_t
@@ -67,6 +86,13 @@ struct FluidNodes
   template <class Visitor>
   void for_each_field(Visitor&& visit)
   {
+    for_each_field_of_owners(visit);
+    for_each_field_of_all(visit);
+  }
+  /// Those of which a rank has rows around its nodes.
+  template <class Visitor>
+  void for_each_field_of_owners(Visitor&& visit)
+  {
     visit("x", x);
     visit("v", v);
     visit("a", a);
@@ -76,6 +102,11 @@ struct FluidNodes
     visit("rho", rho);
     visit("p", p);
     visit("V", V);
+  }
+  /// Those that every rank moves for all nodes.
+  template <class Visitor>
+  void for_each_field_of_all(Visitor&& visit)
+  {
     visit("h", h);
     visit("surface", surface);
     visit("id", id);

@@ -1,4 +1,5 @@
 // The fluid's part among several ranks: ghosts, what all agree on, and the whole state.
+#include "common/parallel/untouched_rows.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/beside_solid.hpp"
 
@@ -223,19 +224,14 @@ void Fluid<dim>::agree()
 }
 
 /// Positions, velocities and flags of nodes of other ranks come here, as far as they lie within reach of what
-/// this rank decides in a remesh, with room for what the remesh moves, across the ends of a period too. Where
-/// all nodes are given new places in the order, all rows come. Collective.
+/// this rank decides in a remesh, with room for what the remesh moves, across the ends of a period too.
+/// Collective.
 /// @returns the nodes whose rows are right here: for the others nothing but what all ranks know
 template <int dim>
 KnownNodes Fluid<dim>::look_around()
 {
   if (ranks().alone() || collected_)
     return {};
-  if (rows_are_due())
-  {
-    gather_state();
-    return {};
-  }
   agree();
   const auto begin = static_cast<std::size_t>(team_.node_begin()),
              end = static_cast<std::size_t>(team_.node_end());
@@ -483,6 +479,30 @@ void Fluid<dim>::gather_state()
   if (!size_.uniform())
     rows(nodes_.h);
   agree();
+}
+
+/// Rows of nodes and elements that this rank does not compute with take no memory until the next collect().
+template <int dim>
+void Fluid<dim>::keep_own_rows()
+{
+  collected_ = ranks().alone();
+  if (collected_)
+    return;
+  std::vector<index_t> numbers(static_cast<std::size_t>(team_.node_end() - team_.node_begin()));
+  std::iota(numbers.begin(), numbers.end(), team_.node_begin());
+  for (const auto& ghosts : halo_.received())
+    numbers.insert(numbers.end(), ghosts.begin(), ghosts.end());
+  std::sort(numbers.begin(), numbers.end());
+  const auto nodes = ranges_of(numbers);
+  nodes_.for_each_field_of_owners([&nodes](const char*, auto& field) { give_back_others(field, nodes); });
+  give_back_others(x_remesh_, nodes);
+  give_back_others(v_half_, nodes);
+  give_back_others(mass_rate_, nodes);
+  give_back_others(exchange_energy_, nodes);
+  auto elements = ranges_of(team_.earlier());
+  elements.push_back({team_.element_begin(), team_.element_end()});
+  give_back_others(mesh_.elements, elements);
+  give_back_others(quality_, elements);
 }
 
 /// Rank 0 has all of the sums over time. Collective.

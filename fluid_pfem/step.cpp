@@ -194,6 +194,15 @@ void Fluid<dim>::constrain_accelerations(index_t begin, index_t end)
     constrain(nodes_.a[static_cast<std::size_t>(*n)], *n);
 }
 
+/// Of the nodes of this rank, as the walls of the box allow.
+template <int dim>
+void Fluid<dim>::constrain_velocities()
+{
+  for (const index_t n : constrained_)
+    if (team_.owns(n))
+      constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+}
+
 template <int dim>
 void Fluid<dim>::add_body_force(index_t begin, index_t end)
 {
@@ -373,7 +382,7 @@ void Fluid<dim>::exchange_mass(const Step<dim>& step, double booked, index_t beg
   if (!flux && config_.feedback_time <= 0.0)
     return;
   const double feedback_rate = config_.feedback_time > 0.0 ? sound_speed() / config_.feedback_time : 0.0;
-  const auto of = [&](std::vector<double>& field, bool wanted)
+  const auto of = [&](UntouchedRows<double>& field, bool wanted)
   {
     return std::span(field).subspan(static_cast<std::size_t>(begin),
                                     wanted ? static_cast<std::size_t>(end - begin) : 0);

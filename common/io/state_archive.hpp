@@ -158,8 +158,8 @@ public:
 
   /// Hand over an array that has room for the rows of all ranks, or is empty on all: its rows `own` go to
   /// the file from here. What is read has them all.
-  template <class T>
-  void rows(const std::string& name, std::vector<T>& all, std::span<const RowRun> own)
+  template <class T, class Memory>
+  void rows(const std::string& name, std::vector<T, Memory>& all, std::span<const RowRun> own)
   {
     if (reading_ || in_memory())
       (*this)(name, all);

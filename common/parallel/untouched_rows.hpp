@@ -1,10 +1,20 @@
 // Arrays of which a rank uses some rows only.
 #pragma once
 
+#include "common/types.hpp"
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#include <unistd.h>
+#endif
+
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <new>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -57,5 +67,47 @@ struct UntouchedMemory
 /// resize() writes nothing: rows of a new array are zero, others may be what was there before.
 template <class T>
 using UntouchedRows = std::vector<T, UntouchedMemory<T>>;
+
+/// Rows [begin, end) of an array, whose values are not needed any more, take no memory until they are written
+/// again; until then those on whole pages are zero. Elsewhere than under Linux nothing is done.
+template <class Array>
+void give_back(Array& rows, std::size_t begin, std::size_t end)
+{
+#if defined(__linux__)
+  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = (reinterpret_cast<std::uintptr_t>(rows.data() + begin) + page - 1) / page * page,
+             last = reinterpret_cast<std::uintptr_t>(rows.data() + end) / page * page;
+  if (first < last)
+    madvise(reinterpret_cast<void*>(first), last - first, MADV_DONTNEED);
+#endif
+}
+
+/// Ranges [begin, end) that hold all of some rows, whose numbers ascend, and little else.
+inline std::vector<std::array<index_t, 2>> ranges_of(std::span<const index_t> numbers)
+{
+  constexpr index_t little = 1024;
+  std::vector<std::array<index_t, 2>> ranges;
+  for (const index_t n : numbers)
+    if (!ranges.empty() && n < ranges.back()[1] + little)
+      ranges.back()[1] = n + 1;
+    else
+      ranges.push_back({n, n + 1});
+  return ranges;
+}
+
+/// The same of all rows that lie in none of the ranges.
+template <class Array>
+void give_back_others(Array& rows, std::span<const std::array<index_t, 2>> ranges)
+{
+  std::size_t from = 0;
+  for (const auto& [begin, end] : ranges)
+  {
+    if (const std::size_t to = std::min(static_cast<std::size_t>(begin), rows.size()); from < to)
+      give_back(rows, from, to);
+    from = static_cast<std::size_t>(end);
+  }
+  if (from < rows.size())
+    give_back(rows, from, rows.size());
+}
 
 } // namespace undine

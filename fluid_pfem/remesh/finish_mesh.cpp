@@ -41,8 +41,7 @@ void Fluid<dim>::finish_mesh()
   for (index_t n = 0; n < n_nodes; ++n)
     if (nodes_.surface[static_cast<std::size_t>(n)] & wall_mask_)
       constrained_.push_back(n);
-  for (const index_t n : constrained_)
-    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+  constrain_velocities();
 
   const auto each_element = [this](auto&& add)
   {
@@ -124,15 +123,23 @@ void Fluid<dim>::finish_mesh()
   good_at_ = -1;
   turned_over_ = turned_over_agreed_ = 0;
   agreed_at_ = steps_;
-  x_remesh_.resize(static_cast<std::size_t>(n_nodes));
-  std::copy(nodes_.x.begin() + begin, nodes_.x.begin() + end, x_remesh_.begin() + begin);
-  for (const auto& ghosts : halo_.received())
-    for (const index_t n : ghosts)
-      x_remesh_[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)];
+  keep_places();
   measure_quality();
   if (!contact_.empty())
     contact_.find_candidates(nodes_.x, begin, end, config_.element_size);
   ++surface_epoch_;
+}
+
+/// Where nodes of this rank and ghosts are in the new mesh.
+template <int dim>
+void Fluid<dim>::keep_places()
+{
+  const index_t begin = team_.node_begin(), end = team_.node_end();
+  x_remesh_.resize(nodes_.x.size());
+  std::copy(nodes_.x.begin() + begin, nodes_.x.begin() + end, x_remesh_.begin() + begin);
+  for (const auto& ghosts : halo_.received())
+    for (const index_t n : ghosts)
+      x_remesh_[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)];
 }
 
 template <int dim>

@@ -257,27 +257,29 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
 
 /// Present nodes that are not where the remesh found them, among those that this rank had; with a node that
 /// was merged, all ranks know. Collective.
-/// @param number present number of each old node, −1: deleted
+/// @param number present number of each old node
 template <int dim>
-std::vector<char> Fluid<dim>::moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
-                                          const SpacingReport& spacing) const
+std::vector<index_t> Fluid<dim>::moved_nodes(const Particles<dim>& before, std::span<const index_t> number,
+                                             const SpacingReport& spacing) const
 {
-  std::vector<char> moved(nodes_.x.size(), 0);
-  for (std::size_t k = 0; k < before.x.size(); ++k)
-    if (const index_t n = number[static_cast<std::size_t>(before.begin) + k];
-        n >= 0 && nodes_.x[static_cast<std::size_t>(n)] != before.x[k])
-      moved[static_cast<std::size_t>(n)] = 1;
+  std::vector<index_t> moved;
+  const auto has_moved = [&](index_t old)
+  {
+    const auto k = static_cast<std::size_t>(old - before.begin);
+    return nodes_.x[static_cast<std::size_t>(number[static_cast<std::size_t>(old)])] != before.x[k];
+  };
+  const index_t end = before.begin + static_cast<index_t>(before.x.size());
+  for (index_t old = before.begin; old < end; ++old)
+    if (has_moved(old))
+      moved.push_back(number[static_cast<std::size_t>(old)]);
   if (spacing.merges.empty())
     return moved;
   std::vector<index_t> merged;
   for (const auto& [kept, gone] : spacing.merges)
-    if (const index_t n = number[static_cast<std::size_t>(gone)];
-        n >= 0 && moved[static_cast<std::size_t>(n)] && gone >= before.begin &&
-        gone < before.begin + static_cast<index_t>(before.x.size()))
-      merged.push_back(n);
+    if (gone >= before.begin && gone < end && has_moved(gone))
+      merged.push_back(number[static_cast<std::size_t>(gone)]);
   merged = ranks().gather(merged);
-  for (const index_t n : merged)
-    moved[static_cast<std::size_t>(n)] = 1;
+  moved.insert(moved.end(), merged.begin(), merged.end());
   return moved;
 }
 

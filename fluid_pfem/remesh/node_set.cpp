@@ -124,11 +124,11 @@ void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 
 /// Collective.
 /// @param elements of this rank
-/// @param mine nodes whose rows this rank has; empty: all
+/// @param held nodes whose rows this rank has; null: all
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>& elements,
-                                                       std::span<const char> mine)
+                                                       const std::vector<index_t>* held)
 {
   if (config_.remesh.delete_isolated_after == 0)
     return {};
@@ -148,9 +148,16 @@ std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>
     double M;
   };
   std::vector<Lost> lost;
-  for (std::size_t n = 0; n < used.size(); ++n)
-    if ((mine.empty() || mine[n]) && long_alone(n) && !used[n])
-      lost.push_back({static_cast<index_t>(n), nodes_.M[n]});
+  const auto look_at = [&](index_t node)
+  {
+    if (const auto n = static_cast<std::size_t>(node); long_alone(n) && !used[n])
+      lost.push_back({node, nodes_.M[n]});
+  };
+  if (held)
+    std::for_each(held->begin(), held->end(), look_at);
+  else
+    for (index_t n = 0; n < nodes_.size(); ++n)
+      look_at(n);
   lost = ranks().gather(lost);
   if (lost.empty())
     return {};
@@ -163,13 +170,15 @@ std::vector<index_t> Fluid<dim>::delete_isolated_nodes(std::vector<Simplex<dim>>
     ++ledger_.deleted_nodes;
     ledger_.deleted_mass += node.M;
   }
-  return erase_nodes(gone, elements);
+  return erase_nodes(gone, elements, held);
 }
 
+/// @param held as of delete_isolated_nodes
 /// @returns the new number of each node, empty if numbers stay
 template <int dim>
 std::vector<index_t> Fluid<dim>::erase_nodes(const std::vector<char>& gone,
-                                             std::vector<Simplex<dim>>& elements)
+                                             std::vector<Simplex<dim>>& elements,
+                                             const std::vector<index_t>* held)
 {
   std::vector<index_t> new_number(nodes_.x.size(), -1);
   index_t kept = 0;
@@ -181,14 +190,26 @@ std::vector<index_t> Fluid<dim>::erase_nodes(const std::vector<char>& gone,
   if (kept == nodes_.size())
     return {};
   delaunay_.renumber(new_number);
-  nodes_.for_each_field(
-      [&](const char*, auto& field)
-      {
-        for (std::size_t n = 0; n < new_number.size(); ++n)
-          if (new_number[n] >= 0)
-            field[static_cast<std::size_t>(new_number[n])] = field[n];
-        field.resize(static_cast<std::size_t>(kept));
-      });
+  const auto compress = [&](const char*, auto& field)
+  {
+    for (std::size_t n = 0; n < new_number.size(); ++n)
+      if (new_number[n] >= 0)
+        field[static_cast<std::size_t>(new_number[n])] = field[n];
+    field.resize(static_cast<std::size_t>(kept));
+  };
+  if (held)
+  {
+    std::vector<index_t> moved = *held;
+    for (index_t n = 0; n < nodes_.size(); ++n) // places of new nodes are known to all, and will be asked for
+      if (nodes_.row[static_cast<std::size_t>(n)] == no_row)
+        moved.push_back(n);
+    nodes_.for_each_field_of_owners(
+        [&](const char*, auto& field)
+        { renumber_rows(field, moved, new_number, static_cast<std::size_t>(kept)); });
+  }
+  else
+    nodes_.for_each_field_of_owners(compress);
+  nodes_.for_each_field_of_all(compress);
   for (auto& e : elements)
     for (index_t& n : e)
       n = new_number[static_cast<std::size_t>(n)];
@@ -211,7 +232,7 @@ void Fluid<dim>::pass_openings()
     delaunay_.forget();
   if (!gone.empty())
   {
-    erase_nodes(gone, mesh_.elements);
+    erase_nodes(gone, mesh_.elements, nullptr);
     mesh_.boundary.clear(); // of a mesh that is no more; the edges of splits are then taken as inner ones
   }
   exchange_energy_.assign(nodes_.x.size(), 0.0); // all booked

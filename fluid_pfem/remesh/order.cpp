@@ -48,17 +48,46 @@ template <int dim>
 constexpr std::size_t in_a_box = dim == 2 ? 16384 : 16;
 
 /// The axis along which the fluid extends furthest; another one than now only if it is clearly longer. Rows
-/// across it are short, and so are the cuts between ranks.
+/// across it are short, and so are the cuts between ranks. Collective, unless held is null.
+/// @param held as of order_nodes
 template <int dim>
-void Fluid<dim>::choose_slow_axis()
+void Fluid<dim>::choose_slow_axis(const std::vector<index_t>* held)
 {
-  Vec<dim> mean{}, square{};
-  const double part = 1.0 / static_cast<double>(nodes_.x.size());
-  for (const auto& x : nodes_.x)
-    mean += part * x;
-  for (const auto& x : nodes_.x)
+  const auto sums_over_nodes = [&](auto&& terms) // a sum of all nodes for each axis
+  {
+    std::array<ExactSum, dim> sums;
+    const auto add = [&](index_t n)
+    {
+      if (n < 0)
+        return;
+      const Vec<dim> term = terms(nodes_.x[static_cast<std::size_t>(n)]);
+      for (std::size_t i = 0; i < dim; ++i)
+        sums[i].add(term.c[i]);
+    };
+    if (held)
+      std::for_each(held->begin(), held->end(), add);
+    else
+      for (index_t n = 0; n < nodes_.size(); ++n)
+        add(n);
+    Vec<dim> values;
     for (int i = 0; i < dim; ++i)
-      square[i] += (x[i] - mean[i]) * (x[i] - mean[i]);
+    {
+      if (held)
+        ranks().sum({&sums[static_cast<std::size_t>(i)]});
+      values[i] = sums[static_cast<std::size_t>(i)].value();
+    }
+    return values;
+  };
+  const Vec<dim> mean =
+      (1.0 / static_cast<double>(nodes_.size())) * sums_over_nodes([](const Vec<dim>& x) { return x; });
+  const Vec<dim> square = sums_over_nodes(
+      [&mean](const Vec<dim>& x)
+      {
+        Vec<dim> off = x - mean;
+        for (int i = 0; i < dim; ++i)
+          off[i] *= off[i];
+        return off;
+      });
   for (int i = 0; i < dim; ++i)
     if (square[i] > 1.5 * square[slow_axis_])
       slow_axis_ = i;
@@ -83,6 +112,46 @@ std::int64_t Fluid<dim>::row_of(const Vec<dim>& x) const
   return row;
 }
 
+/// All nodes get rows anew, from where they are. Collective.
+/// @param held as of order_nodes
+template <int dim>
+void Fluid<dim>::renew_rows(const std::vector<index_t>* held)
+{
+  choose_slow_axis(held);
+  if (in_boxes())
+  {
+    if (held)
+    {
+      std::vector<Vec<dim>> x;
+      for (const index_t n : *held)
+        x.push_back(n < 0 ? Vec<dim>{} : nodes_.x[static_cast<std::size_t>(n)]);
+      const std::vector<index_t> numbers = ranks().gather(*held);
+      x = ranks().gather(x);
+      std::vector<Vec<dim>> of_all(nodes_.x.size());
+      for (std::size_t k = 0; k < numbers.size(); ++k)
+        if (numbers[k] >= 0)
+          of_all[static_cast<std::size_t>(numbers[k])] = x[k];
+      boxes_.build(of_all, in_a_box<dim>);
+    }
+    else
+      boxes_.build(nodes_.x, in_a_box<dim>);
+  }
+  if (!held)
+  {
+    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
+      nodes_.row[n] = row_of(nodes_.x[n]);
+    return;
+  }
+  std::vector<std::int64_t> rows;
+  for (const index_t n : *held)
+    rows.push_back(n < 0 ? no_row : row_of(nodes_.x[static_cast<std::size_t>(n)]));
+  const std::vector<index_t> numbers = ranks().gather(*held);
+  rows = ranks().gather(rows);
+  for (std::size_t k = 0; k < numbers.size(); ++k)
+    if (numbers[k] >= 0)
+      nodes_.row[static_cast<std::size_t>(numbers[k])] = rows[k];
+}
+
 /// Wet nodes first, then their neighbours, then the rest; inside each group by row_of, then by identifier.
 /// Rows are those of a node's birth or of the last time that all were renewed: neighbours in space should be
 /// neighbours in memory, but need not be every time. The order is
@@ -98,18 +167,14 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   const auto n_nodes = static_cast<std::size_t>(nodes_.size());
   const bool renew = rows_are_due();
   if (renew)
-  {
-    choose_slow_axis();
-    if (in_boxes())
-      boxes_.build(nodes_.x, in_a_box<dim>);
-  }
+    renew_rows(held);
   const std::vector<char> group = wet_groups(elements, held);
   index_t sorted = nodes_.size(); // those before it are in order, unless all rows are new or groups may be
   while (sorted > 0 && nodes_.row[static_cast<std::size_t>(sorted - 1)] == no_row)
     --sorted;
   const bool tail_only = !renew && group.empty();
   for (auto n = static_cast<std::size_t>(tail_only ? sorted : 0); n < n_nodes; ++n)
-    if (renew || nodes_.row[n] == no_row)
+    if (nodes_.row[n] == no_row)
       nodes_.row[n] = row_of(nodes_.x[n]);
 
   const auto before = [&](index_t a, index_t b)
@@ -136,6 +201,18 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
         n = new_of_old[static_cast<std::size_t>(n)];
     return new_of_old;
   };
+  const auto move_rows = [&](auto&& move) // of fields of owners, only those that are right here
+  {
+    nodes_.for_each_field_of_all([&](const char*, auto& field) { move(field); });
+    nodes_.for_each_field_of_owners(
+        [&](const char*, auto& field)
+        {
+          if (held)
+            renumber_rows(field, *held, new_of_old, n_nodes);
+          else if (!field.empty()) // as some are until there is a mesh
+            move(field);
+        });
+  };
   if (tail_only)
   {
     std::vector<index_t> tail(n_nodes - static_cast<std::size_t>(sorted)),
@@ -157,7 +234,7 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
         new_of_old[n] = static_cast<index_t>(n + k);
         ++n;
       }
-    nodes_.for_each_field([&](const char*, auto& field) { merge_tail(field, sorted, tail, place); });
+    move_rows([&](auto& field) { merge_tail(field, sorted, tail, place); });
     return take_numbers();
   }
   std::vector<index_t> old_of_new(n_nodes);
@@ -166,7 +243,7 @@ std::vector<index_t> Fluid<dim>::order_nodes(std::vector<Simplex<dim>>& elements
   std::inplace_merge(old_of_new.begin(), old_of_new.begin() + sorted, old_of_new.end(), before);
   for (std::size_t n = 0; n < n_nodes; ++n)
     new_of_old[static_cast<std::size_t>(old_of_new[n])] = static_cast<index_t>(n);
-  nodes_.for_each_field([&](const char*, auto& field) { permute(field, old_of_new); });
+  move_rows([&](auto& field) { permute(field, old_of_new); });
   return take_numbers();
 }
 

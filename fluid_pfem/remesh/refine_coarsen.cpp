@@ -1,9 +1,12 @@
 // Edge lengths between two limits.
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 
+#include "common/parallel/untouched_rows.hpp"
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -83,6 +86,21 @@ std::vector<index_t> gather_ends(const std::vector<Edge>& close, const std::vect
                  rows[k].h, rows[k].flag, rows[k].alone);
   }
   return ends;
+}
+
+/// Room for more nodes, of which no rows are moved that are not known.
+template <int dim>
+void make_room(FluidNodes<dim>& nodes, std::size_t more, const std::vector<index_t>& known)
+{
+  nodes.for_each_field_of_owners(
+      [&](const char*, auto& field)
+      {
+        if (const std::size_t size = field.size() + more; size > field.capacity())
+        {
+          field.reserve(size + size / 8);
+          give_back_others(field, ranges_of(known));
+        }
+      });
 }
 
 /// Boundary nodes that nearly coincide without sharing an edge: a drop that has landed, two nodes in one
@@ -244,6 +262,12 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
     ++report.merged;
     report.merges.push_back({static_cast<index_t>(k), static_cast<index_t>(l)});
   }
+  std::vector<index_t> known; // rows that are right here; empty: all
+  if (share.known)
+    std::set_union(share.known->begin(), share.known->end(), report.involved.begin(), report.involved.end(),
+                   std::back_inserter(known));
+  if (share.known)
+    make_room(nodes, far.size(), known);
   for (const Edge& edge : far)
   {
     const auto k = static_cast<std::size_t>(edge.i), l = static_cast<std::size_t>(edge.j);
@@ -309,12 +333,20 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
         to = std::move(field.begin() + gone[k] + 1, field.begin() + gone[k + 1], to);
       field.erase(to, field.end());
     };
-    nodes.for_each_field([&](const char*, auto& field) { compress(field); });
-    compress(wall_pieces);
     report.new_number.resize(dead.size());
     index_t next = 0;
     for (std::size_t n = 0; n < dead.size(); ++n)
       report.new_number[n] = dead[n] ? -1 : next++;
+    nodes.for_each_field_of_all([&](const char*, auto& field) { compress(field); });
+    compress(wall_pieces);
+    for (const auto& split : report.splits)
+      known.push_back(split[2]);
+    nodes.for_each_field_of_owners(
+        [&](const char*, auto& field)
+        {
+          share.known ? renumber_rows(field, known, report.new_number, static_cast<std::size_t>(next))
+                      : compress(field);
+        });
   }
   return report;
 }

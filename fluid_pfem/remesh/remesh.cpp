@@ -1,5 +1,6 @@
 // New connectivity at a synchronised time.
 #include "common/error.hpp"
+#include "common/parallel/untouched_rows.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 #include "fluid_pfem/remesh/beside_solid.hpp"
@@ -203,9 +204,9 @@ void Fluid<dim>::remesh()
   update_spacing(known);
   // What is found anew with the mesh makes room: a remesh is when most memory is needed.
   workspace_ = {};
-  quality_ = std::vector<float>();
-  mass_rate_ = std::vector<double>();
-  exchange_energy_ = std::vector<double>(); // booked
+  quality_ = UntouchedRows<float>();
+  mass_rate_ = UntouchedRows<double>();
+  exchange_energy_ = UntouchedRows<double>(); // booked
   mesh_.fans = std::vector<FanEntry<dim>>();
   sums_.record = UntouchedRows<NodeRecord<dim>>();
   sums_.sum = UntouchedRows<FourNumbers>();
@@ -219,7 +220,7 @@ void Fluid<dim>::remesh()
                      .M = own_rows(nodes_.M, old_begin, old_end),
                      .x = own_rows(nodes_.x, old_begin, old_end),
                      .v = own_rows(v_half_, old_begin, old_end)};
-  std::vector<Vec<dim>>& old_x = x_remesh_;
+  auto& old_x = x_remesh_;
   old_x.resize(nodes_.x.size());
   const auto keep_place = [&](index_t n)
   { old_x[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)]; };
@@ -274,26 +275,30 @@ void Fluid<dim>::remesh()
   // The number that each old node has come to bear; a node that was merged is where the other one is.
   std::vector<index_t> number(old_x.size());
   std::iota(number.begin(), number.end(), 0);
-  const auto follow = [&number](const std::vector<index_t>& new_number)
+  const auto new_number_of = [](index_t n, const std::vector<index_t>& new_number)
+  { return n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)]; };
+  const auto follow = [&](const std::vector<index_t>& new_number)
   {
     for (index_t& n : number)
-      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+      n = new_number_of(n, new_number);
   };
   for (const auto& [kept, gone] : spacing.merges)
     number[static_cast<std::size_t>(gone)] = kept;
   follow(spacing.new_number);
+  const std::vector<index_t> moved_before = moved_nodes(old, number, spacing); // before numbers change again
   std::vector<index_t> held; // nodes whose rows this rank has
   for (std::size_t n = 0; n < mine.size(); ++n)
     if (mine[n])
       held.push_back(static_cast<index_t>(n));
-  const auto renumber_held = [&held](const std::vector<index_t>& new_number)
+  const auto renumber_held = [&](const std::vector<index_t>& new_number)
   {
     for (index_t& n : held)
-      n = n < 0 || new_number.empty() ? n : new_number[static_cast<std::size_t>(n)];
+      n = new_number_of(n, new_number);
   };
-  const auto deleted = delete_isolated_nodes(choice.elements, mine);
+  const std::vector<index_t>* known_rows = mine.empty() ? nullptr : &held;
+  const auto deleted = delete_isolated_nodes(choice.elements, known_rows);
   renumber_held(deleted);
-  const auto ordered = order_nodes(choice.elements, mine.empty() ? nullptr : &held);
+  const auto ordered = order_nodes(choice.elements, known_rows);
   renumber_held(ordered);
   follow(deleted);
   follow(ordered);
@@ -306,7 +311,10 @@ void Fluid<dim>::remesh()
     old_elements = std::move(mesh_.elements);
   else
     old_elements.assign(own_elements().begin(), own_elements().end());
-  std::vector<char> moved = moved_nodes(old, number, spacing);
+  std::vector<char> moved(nodes_.x.size(), 0);
+  for (index_t n : moved_before)
+    if ((n = new_number_of(n, deleted)) >= 0 && (n = new_number_of(n, ordered)) >= 0)
+      moved[static_cast<std::size_t>(n)] = 1;
   connect_mesh(std::move(choice.elements));
   pass_rows(held, moved);
   const std::vector<Simplex<dim>> changed = changed_elements(std::move(old_elements), moved, number);
@@ -319,8 +327,7 @@ void Fluid<dim>::remesh()
   number = std::vector<index_t>();
   V_before = std::vector<double>();
   smooth_mass_defect(v_half_);
-  for (const index_t n : constrained_)
-    constrain(nodes_.v[static_cast<std::size_t>(n)], n);
+  constrain_velocities();
 
   ++ledger_.remeshes;
   ledger_.merged += spacing.merged;
@@ -329,14 +336,14 @@ void Fluid<dim>::remesh()
   ledger_.dropped += choice.dropped.value();
   const double jump = energy_of_state(ranks().alone(), v_half_).total() - before;
   (jump > 0.0 ? remesh_gain_ : remesh_loss_) += jump;
-  collected_ = ranks().alone();
+  keep_own_rows();
 }
 
 /// The same elements, but other nodes are near the solid. Collective.
 template <int dim>
 void Fluid<dim>::renew_order()
 {
-  rows_are_due() ? gather_state() : agree();
+  agree();
   std::vector<Simplex<dim>> elements(own_elements().begin(), own_elements().end());
   std::vector<index_t> held(static_cast<std::size_t>(team_.node_end() - team_.node_begin()));
   std::iota(held.begin(), held.end(), team_.node_begin());
@@ -348,7 +355,7 @@ void Fluid<dim>::renew_order()
   std::vector<char> moved(nodes_.x.size(), 0);
   pass_rows(held, moved);
   finish_mesh();
-  collected_ = ranks().alone();
+  keep_own_rows();
 }
 
 /// What is nowhere cannot be triangulated. @throws NumericalError
@@ -403,7 +410,7 @@ std::vector<char> Fluid<dim>::slice_of_rank()
   std::vector<char> mine;
   if (ranks().alone())
     return mine;
-  choose_slow_axis();
+  choose_slow_axis(nullptr);
   std::vector<index_t> along(nodes_.x.size());
   std::iota(along.begin(), along.end(), 0);
   std::sort(along.begin(), along.end(),
@@ -425,6 +432,7 @@ void Fluid<dim>::triangulate()
 {
   collect(); // where a solid is met there was a mesh before
   cool();
+  const bool moves = !nodes_.v.empty();
   std::vector<Simplex<dim>> delaunay = triangulation(slice_of_rank(), {}); // of this rank
   auto elements = alpha_shape<dim>(nodes_.x, nodes_.h, config_.remesh.alpha, delaunay, nodes_.period);
   if (inside_)
@@ -437,12 +445,24 @@ void Fluid<dim>::triangulate()
                     return !inside_(nodes_.period.wrapped(centroid));
                   });
   renumber(delaunay, order_nodes(elements, nullptr));
+  nodes_.for_each_field_of_owners(
+      [this](const char*, auto& field)
+      {
+        if (!field.empty())
+          return;
+        field.resize(nodes_.x.size());
+        if (!ranks().alone())
+          give_back(field, 0, field.size()); // zeros as they are
+      });
   elements = sorted_elements<dim>(std::move(elements));
   connect_mesh(elements);
   finish_mesh();
-  collected_ = ranks().alone();
-  collect();
-  nodes_.M = nodes_.m;
+  const auto first = team_.nodes_of_ranks();
+  if (moves)
+    ranks().gather_rows(nodes_.v, first);
+  ranks().gather_rows(nodes_.flag, first);
+  std::copy(nodes_.m.begin() + team_.node_begin(), nodes_.m.begin() + team_.node_end(),
+            nodes_.M.begin() + team_.node_begin());
   // What the scene leaves empty is a gap, also where the rules of a remesh would make it fluid.
   ShapeChoice<dim> choice =
       choose_fluid<dim>(nodes_, wall_pieces(), std::move(delaunay), nodes_.x, own_elements(),
@@ -452,8 +472,8 @@ void Fluid<dim>::triangulate()
   choice.gaps.insert(choice.gaps.end(), choice.elements.begin(), choice.elements.end());
   gaps_ = sorted_elements<dim>(ranks().gather(choice.gaps));
   find_ghosts(); // now with the gaps
-  x_remesh_ = nodes_.x;
-  collected_ = ranks().alone();
+  keep_places();
+  keep_own_rows();
 }
 
 /// All nodes on walls and solid, in order; each rank looks at its own. Collective.

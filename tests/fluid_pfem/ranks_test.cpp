@@ -15,6 +15,10 @@
 #include <span>
 #include <string>
 #include <vector>
+#ifdef __linux__
+#include <sys/mman.h>
+#include <unistd.h>
+#endif
 
 using namespace undine;
 using namespace undine::fluid;
@@ -579,6 +583,56 @@ TEST_CASE("water beside a plate that it meets and leaves has the same bits", "[r
   // So fast that nodes come near it sooner than the mesh gets bad: the same elements, in another order.
   check_same_bits<2>(config, steps_wanted(400), 5, advance_beside_plate<200>, wandering);
 }
+
+#ifdef __linux__
+// Truth: the kernel's account of pages. Around its nodes a rank has ghosts, in rows two spacings high, of
+// which a column h wide has 2 W / h nodes; two rows on each side hold the neighbours, and rows nearer than
+// 1024 to one that is needed may stay.
+TEST_CASE("after a remesh rows of nodes that are not around a rank's own take no memory", "[ranks]")
+{
+  const Ranks ranks = ranks_of(MPI_COMM_WORLD, 60.0);
+  constexpr double over_width = 120.0;
+  FluidConfig config = test::dam_break_config(0.146 / over_width);
+  config.remesh.only_if_moved = false;
+  Fluid<2> fluid(config, ranks);
+  const auto pages_of =
+      [](const auto& field, index_t begin, index_t end) // in memory, of those that lie within
+  {
+    const auto size = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+    const auto first = (reinterpret_cast<std::uintptr_t>(field.data() + begin) + size - 1) / size * size,
+               last = reinterpret_cast<std::uintptr_t>(field.data() + end) / size * size;
+    std::vector<unsigned char> pages(first < last ? (last - first) / size : 0);
+    if (!pages.empty())
+      mincore(reinterpret_cast<void*>(first), last - first, pages.data());
+    return std::count_if(pages.begin(), pages.end(), [](unsigned char page) { return (page & 1U) != 0; });
+  };
+  const auto others_that_take_memory = [&]
+  {
+    constexpr index_t around = 4 * static_cast<index_t>(1.25 * over_width) + 1024;
+    const auto [begin, end] = fluid.node_range();
+    FluidNodes<2>& nodes = const_cast<FluidNodes<2>&>(fluid.nodes()); // the visitor may change them
+    const index_t lower = std::max(0, begin - around), upper = std::min(nodes.size(), end + around);
+    std::ptrdiff_t found = 0;
+    nodes.for_each_field_of_owners(
+        [&](const char*, const auto& field)
+        { found += pages_of(field, 0, lower) + pages_of(field, upper, nodes.size()); });
+    return found;
+  };
+  CAPTURE(ranks.rank(), ranks.size(), fluid.nodes().x.size());
+  CHECK(others_that_take_memory() == 0);
+  for (int remeshes = 0; remeshes < 3; ++remeshes)
+  {
+    fluid.advance(1e-7, 20);
+    fluid.remesh();
+    CHECK(others_that_take_memory() == 0);
+  }
+  const double mass = fluid.mass();
+  fluid.collect(); // all rows come, and go with the next remesh
+  CHECK(fluid.mass() == mass);
+  fluid.remesh();
+  CHECK(others_that_take_memory() == 0);
+}
+#endif
 
 TEST_CASE("fewer nodes than ranks: some have nothing to do", "[ranks]")
 {
