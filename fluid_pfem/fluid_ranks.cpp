@@ -466,7 +466,7 @@ void Fluid<dim>::pass_rows(std::span<const index_t> held, std::vector<char>& mov
   halo_.update(nodes_.x, nodes_.h, moved);
 }
 
-/// The rows of all nodes that a remesh goes on with. Collective.
+/// The rows of all nodes that a remesh could go on with. Collective.
 template <int dim>
 void Fluid<dim>::gather_state()
 {

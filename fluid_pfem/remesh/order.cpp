@@ -117,39 +117,32 @@ std::int64_t Fluid<dim>::row_of(const Vec<dim>& x) const
 template <int dim>
 void Fluid<dim>::renew_rows(const std::vector<index_t>* held)
 {
+  const auto of_all = [&](auto&& value) // of each node, from whoever has its row
+  {
+    std::vector<decltype(value(0))> values(nodes_.x.size()), known;
+    if (!held)
+    {
+      for (std::size_t n = 0; n < values.size(); ++n)
+        values[n] = value(n);
+      return values;
+    }
+    std::vector<index_t> numbers;
+    for (const index_t n : *held)
+      if (n >= 0)
+      {
+        numbers.push_back(n);
+        known.push_back(value(static_cast<std::size_t>(n)));
+      }
+    numbers = ranks().gather(numbers);
+    known = ranks().gather(known);
+    for (std::size_t k = 0; k < numbers.size(); ++k)
+      values[static_cast<std::size_t>(numbers[k])] = known[k];
+    return values;
+  };
   choose_slow_axis(held);
   if (in_boxes())
-  {
-    if (held)
-    {
-      std::vector<Vec<dim>> x;
-      for (const index_t n : *held)
-        x.push_back(n < 0 ? Vec<dim>{} : nodes_.x[static_cast<std::size_t>(n)]);
-      const std::vector<index_t> numbers = ranks().gather(*held);
-      x = ranks().gather(x);
-      std::vector<Vec<dim>> of_all(nodes_.x.size());
-      for (std::size_t k = 0; k < numbers.size(); ++k)
-        if (numbers[k] >= 0)
-          of_all[static_cast<std::size_t>(numbers[k])] = x[k];
-      boxes_.build(of_all, in_a_box<dim>);
-    }
-    else
-      boxes_.build(nodes_.x, in_a_box<dim>);
-  }
-  if (!held)
-  {
-    for (std::size_t n = 0; n < nodes_.x.size(); ++n)
-      nodes_.row[n] = row_of(nodes_.x[n]);
-    return;
-  }
-  std::vector<std::int64_t> rows;
-  for (const index_t n : *held)
-    rows.push_back(n < 0 ? no_row : row_of(nodes_.x[static_cast<std::size_t>(n)]));
-  const std::vector<index_t> numbers = ranks().gather(*held);
-  rows = ranks().gather(rows);
-  for (std::size_t k = 0; k < numbers.size(); ++k)
-    if (numbers[k] >= 0)
-      nodes_.row[static_cast<std::size_t>(numbers[k])] = rows[k];
+    boxes_.build(of_all([this](std::size_t n) { return nodes_.x[n]; }), in_a_box<dim>);
+  nodes_.row = of_all([this](std::size_t n) { return row_of(nodes_.x[n]); });
 }
 
 /// Wet nodes first, then their neighbours, then the rest; inside each group by row_of, then by identifier.
