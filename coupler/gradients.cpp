@@ -1,6 +1,7 @@
 // Rows of H in stretches, and the iteration over them.
 #include "coupler/gradients.hpp"
 
+#include "common/error.hpp"
 #include "coupler/helpers.hpp"
 #include "coupler/interface_operator.hpp"
 
@@ -80,10 +81,20 @@ void write_needed(link::wire::Writer& out, const Rows& L, const SparseMatrix& L_
   write(out, inverse_mass, asked);
 }
 
-Vector read_vector(link::wire::Reader& in, const char* name)
+std::span<const double> stretch(std::span<const double> all, const std::array<std::size_t, 2>& part)
 {
+  return part[0] < part[1] ? all.subspan(part[0], part[1] - part[0]) : std::span<const double>();
+}
+
+/// n numbers, zero but for the stretch.
+Vector read_stretch(link::wire::Reader& in, const char* name, Eigen::Index n,
+                    const std::array<std::size_t, 2>& part)
+{
+  Vector all = Vector::Zero(n);
   const auto values = in.f64_list(name);
-  return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
+  require(values.size() == stretch(as_span(all), part).size(), "both ranks know the stretch");
+  std::copy(values.begin(), values.end(), all.data() + part[0]);
+  return all;
 }
 
 /// use(row, product of the row with x). Four sums: one would wait for each addition.
@@ -263,9 +274,15 @@ Gradients::Solution Gradients::solve(const std::array<double, 2>& weights, const
     out.i32(static_cast<std::int32_t>(Task::solution));
     out.f64(weights[0]);
     out.f64(weights[1]);
-    out.list<double>(as_span(rhs));
-    out.list<double>(as_span(start));
     team_->tell(std::move(task));
+    std::vector<std::vector<std::byte>> needed(rows_.own.size());
+    for (std::size_t r = 1; r < needed.size(); ++r)
+    {
+      link::wire::Writer part(needed[r]);
+      part.list<double>(stretch(as_span(rhs), rows_.own[r]));
+      part.list<double>(stretch(as_span(start), rows_.wanted[r]));
+    }
+    team_->hand_out(std::move(needed));
   }
   Vector inverse(size_); // of D, and zero in rows without movable mass: then z, p and λ are zero there
   for (Eigen::Index i = 0; i < size_; ++i)
@@ -339,8 +356,13 @@ Gradients Gradients::receive(const link::Team& team)
 void Gradients::help(link::wire::Reader in)
 {
   const std::array<double, 2> weights{in.f64("weight of the fluid"), in.f64("weight of the solid")};
-  const Vector rhs = read_vector(in, "right-hand side"), start = read_vector(in, "start");
   in.end();
+  const auto bytes = team_->hand_out({});
+  link::wire::Reader mine(bytes, "stretch of a helper");
+  const auto rank = static_cast<std::size_t>(team_->rank());
+  const Vector rhs = read_stretch(mine, "right-hand side", n_, rows_.own[rank]),
+               start = read_stretch(mine, "start", n_, rows_.wanted[rank]);
+  mine.end();
   solve(weights, rhs, start);
 }
 
