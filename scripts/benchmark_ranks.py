@@ -22,7 +22,8 @@ MPIRUN = ["mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_
 ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_WAIT_POLICY="passive")
 # The network of the model, per rank, and how often a splashing dam break remeshes (docs/benchmarks/fluid_speed.md).
 LATENCY, BANDWIDTH, STEPS_PER_REMESH = 2e-6, 5e9, 33
-GATHERED = {2: 98 / 25, 3: 122 / 25}  # bytes of a node that a remesh gathers: one in 25 does
+GATHERED = {2: 12 / 25, 3: 40 / 25}  # bytes of a node that a remesh gathers: one in 25 does
+FOR_ALL = {2: 0.03e-6, 3: 0.05e-6}  # seconds a node that every rank spends on all nodes in a remesh (profile of eight ranks)
 PAGE = ROOT / "docs" / "benchmarks" / "scaling.md"
 SOLID = "# The solid on several ranks"
 # Words of solid_ranks_speed, and what they are.
@@ -68,16 +69,14 @@ def model(rows, n, dim, ranks):
     layer = n ** ((dim - 1) / dim) / measured ** ((dim - 1) / dim)  # nodes of a cut, over those that were measured
     planes, beside = cut_planes(ranks, dim)
     work = one["all_steps_s"] / measured
-    twice = max(0.0, two["all_steps_s"] - one["all_steps_s"]) * planes * layer  # computed beside cuts
-    halo = beside * 2 * LATENCY + two["bytes"] * layer * 2 * planes / ranks / BANDWIDTH
+    twice = max(0.0, eight["all_steps_s"] - one["all_steps_s"]) / cut_planes(8, dim)[0] * planes * layer  # computed beside cuts
+    halo = beside * two["messages"] * LATENCY + two["bytes"] * layer * 2 * planes / ranks / BANDWIDTH
     reductions = (1 / 4 + 1 / 8) * 2 * math.ceil(math.log2(ranks)) * LATENCY if ranks > 1 else 0.0
     gather = n * GATHERED[dim] / BANDWIDTH if ranks > 1 else 0.0
-    # A remesh of r ranks takes one's work, what is made beside each cut, and what all make for all nodes: two and eight ranks tell both.
-    more = [r["remesh_of_all_s"] - one["remesh_of_all_s"] for r in (two, eight)]
-    cuts = [cut_planes(r, dim)[0] for r in (2, 8)]
-    by_all = min(max(0.0, (cuts[0] * more[1] - cuts[1] * more[0]) / (cuts[0] * 8 - cuts[1] * 2)), more[1] / 8)  # seconds of a rank
-    by_cut = max(0.0, (more[1] - 8 * by_all) / cuts[1])
-    by_all *= n / measured if ranks > 1 else 0.0
+    # A remesh of r ranks takes one's work, what all make for all nodes, and what is made beside each cut: eight ranks tell that.
+    more = eight["remesh_of_all_s"] - one["remesh_of_all_s"]
+    by_cut = max(0.0, more - 8 * FOR_ALL[dim] * measured) / cut_planes(8, dim)[0]
+    by_all = FOR_ALL[dim] * n if ranks > 1 else 0.0
     remesh = (one["remesh_of_all_s"] * n / measured + by_cut * planes * layer) / ranks + by_all
     return (work * n + twice) / ranks, halo, reductions, (remesh + gather) / STEPS_PER_REMESH
 
@@ -218,7 +217,7 @@ def main():
         PAGE.write_text(fluid + "\n".join(solid_section(args.pairs)))
         return
     out = ["# The fluid on several ranks", "",
-           "Each rank steps a range of nodes; ranks exchange ghosts twice a step; in a remesh each triangulates its nodes and a halo ([theory](../theory.md)). Milliseconds of processor time per step of the slowest "
+           "Each rank steps a range of nodes; ranks exchange ghosts twice a step, in the plane those of several steps at once; in a remesh each triangulates its nodes and what they see ([theory](../theory.md)). Milliseconds of processor time per step of the slowest "
            f"rank, without waiting, medians of {args.pairs} alternating runs of {args.steps} steps after the first remesh. The mesh is made anew every 20 steps here; \"all\" is with a remesh every {STEPS_PER_REMESH} steps, as in a "
            f"splash. Waiting: for others, and for what all gather. Work is the work of one rank over that of both together, without imbalance: what is not computed twice. "
            f"Load of the machine during the measurement: {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores.", "",
@@ -244,8 +243,8 @@ def main():
         row = rows[2]
         out.append(f"| {row['nodes']:.0f} | " + " | ".join(f"{1e3 * row[key]:.3g}" for key in ("wall_s", *(f"wall_{part}_s" for part in ("compute", "halo", "remesh", "imbalance", "wait")))) + " |")
     out += ["", "## A model of more ranks", "",
-            f"Work per node and in a remesh from the table: what two ranks compute more than one is beside their cut, what eight take more in a remesh is beside seven cuts (in space three) and what every rank makes for all nodes. Messages of the measured size, "
-            f"two to each neighbour (two in the plane, up to 26 in space) and step, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Means over the ranks. In the plane ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half "
+            f"Work per node and in a remesh from the table: what eight ranks compute more than one is beside seven cuts (in space three), but for what every rank makes in a remesh for all nodes ({1e6 * FOR_ALL[2]:g} us a node in the plane, {1e6 * FOR_ALL[3]:g} in space, by profile). Messages of the measured size, "
+            f"to each neighbour (two in the plane, up to 26 in space) as many in a step as two ranks send each other, several steps to a message in the plane, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Means over the ranks. In the plane ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half "
             "its layers; in space ranges of the bisection are boxes.", ""]
     for n, dim in ((1e5, 2), (1e6, 2), (1e6, 3)):
         out += [f"{n:.0e} nodes {'in the plane' if dim == 2 else 'in space'}:", "", *table(found[dim], n, dim), ""]
