@@ -78,6 +78,27 @@ std::array<Vec<dim, Lanes>, dim + 1> corners(const Vec<dim>* x, const EightEleme
   return corner;
 }
 
+/// Eight vectors whose numbers lie side by side: one after the other in the lanes of `rows`.
+template <int dim>
+Vec<dim, Lanes> columns_of(const std::array<Lanes, dim>& rows)
+{
+  Vec<dim, Lanes> column;
+  if constexpr (dim == 2)
+  {
+    const Lanes::Numbers &first = rows[0].numbers(), &second = rows[1].numbers();
+    column[0] = Lanes::Numbers(__builtin_shufflevector(first, second, 0, 2, 4, 6, 8, 10, 12, 14));
+    column[1] = Lanes::Numbers(__builtin_shufflevector(first, second, 1, 3, 5, 7, 9, 11, 13, 15));
+  }
+  else
+    for (int l = 0; l < Lanes::size; ++l)
+      for (int i = 0; i < dim; ++i)
+      {
+        const int k = dim * l + i;
+        column[i].set(l, rows[static_cast<std::size_t>(k / Lanes::size)][k % Lanes::size]);
+      }
+  return column;
+}
+
 /// The smallest and the largest of some numbers.
 inline std::array<double, 2> range_of(std::span<const double> numbers)
 {

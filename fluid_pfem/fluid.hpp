@@ -333,6 +333,7 @@ private:
   std::vector<std::array<int, 3>> wall_pieces() const;
   void constrain(Vec<dim>& w, index_t n) const;
   void kick(double dt, index_t begin, index_t end);
+  template <bool kicks>
   double move_nodes(double dt, index_t begin, index_t end);
   index_t update_state(index_t begin, index_t end);
   void limit_tension(index_t begin, index_t end);

@@ -291,14 +291,18 @@ void Fluid<dim>::move(SweepOfThread& thread, InFlight& f, index_t end)
     const index_t begin = f.moves.begin, block = contact_.empty() ? 0 : contact_.block_of(begin),
                   next = std::min(contact_.empty() ? begin + Walls<dim>::block_size : contact_.end_of(block),
                                   end);
-    kick(dt, begin, next);
-    if (!contact_.empty())
+    const bool touches = !contact_.empty() && contact_.has_candidates(block);
+    if (touches)
+    {
+      kick(dt, begin, next);
       push_off_walls(f.step, block, team_.owns(begin) ? thread.reaction : thread.of_others);
+    }
     double fastest = 0.0;
     split_by_owner(begin, next,
                    [&](index_t first, index_t last, bool own)
                    {
-                     const double here = move_nodes(dt, first, last);
+                     const double here =
+                         touches ? move_nodes<false>(dt, first, last) : move_nodes<true>(dt, first, last);
                      fastest = std::max(fastest, here);
                      if (own)
                        f.fastest = std::max(f.fastest, here);

@@ -1,5 +1,6 @@
 // The acts of one explicit step, each on a range of nodes or elements. Several steps at once:
 // several_steps.cpp.
+#include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -85,7 +86,7 @@ void Fluid<dim>::predict_position(double dt)
 {
   fastest_.assign(static_cast<std::size_t>(team_.threads()), 0.0);
   team_.each([&](const Share& share)
-             { fastest_[team_.number(share)] = move_nodes(dt, share.node_begin, share.node_end); });
+             { fastest_[team_.number(share)] = move_nodes<false>(dt, share.node_begin, share.node_end); });
   halo_.start(nodes_.x);
   const double speed = std::sqrt(*std::max_element(fastest_.begin(), fastest_.end()));
   const Move move{.dt = dt, .speed = speed, .of_solid = solid_.empty() ? 0.0 : solid_.speed()};
@@ -99,38 +100,44 @@ void Fluid<dim>::predict_position(double dt)
   dt_before_ = dt;
 }
 
-/// x ← x + Δt v.
+/// x ← x + Δt v, after v ← v + Δt/2 a where `kicks`.
 /// @returns squared speed of the fastest of the nodes [m²/s²]
 template <int dim>
+template <bool kicks>
 double Fluid<dim>::move_nodes(double dt, index_t begin, index_t end)
 {
   double* const x = nodes_.x.front().c.data();
-  const double* const v = nodes_.v.front().c.data();
+  double* const v = nodes_.v.front().c.data();
+  const double* const a = nodes_.a.front().c.data();
   Lanes fastest(0.0);
-  for (index_t n = begin; n < end; n += Lanes::size)
+  index_t n = begin;
+  for (; n + Lanes::size <= end; n += Lanes::size)
   {
-    const index_t next = std::min(n + Lanes::size, end);
-    if (next - n == Lanes::size) // the usual case: a number of doubles that the compiler knows
-      for (std::ptrdiff_t k = 0; k < std::ptrdiff_t{dim} * Lanes::size; ++k)
-        x[std::ptrdiff_t{dim} * n + k] += dt * v[std::ptrdiff_t{dim} * n + k];
-    else
-      for (std::ptrdiff_t k = std::ptrdiff_t{dim} * n; k < std::ptrdiff_t{dim} * next; ++k)
-        x[k] += dt * v[k];
-    const double* row[Lanes::size];
-    for (index_t l = 0; l < Lanes::size; ++l)
-      row[l] = v + std::ptrdiff_t{dim} * std::min(n + l, next - 1);
-    Vec<dim, Lanes> eight;
-    if constexpr (dim == 2)
-      load_pairs(row, eight[0], eight[1]);
-    else
-      for (int l = 0; l < Lanes::size; ++l)
-        for (int i = 0; i < dim; ++i)
-          eight[i].set(l, row[l][i]);
-    fastest = max(fastest, norm_squared(eight));
+    std::array<Lanes, dim> now; // numbers as they lie in memory
+    for (std::size_t part = 0; part < dim; ++part)
+    {
+      const std::ptrdiff_t k = std::ptrdiff_t{dim} * n + static_cast<std::ptrdiff_t>(part) * Lanes::size;
+      now[part] = load_lanes(v + k, Lanes::size);
+      if constexpr (kicks)
+      {
+        now[part] += Lanes(0.5 * dt) * load_lanes(a + k, Lanes::size);
+        store_lanes(now[part], v + k, Lanes::size);
+      }
+      store_lanes(load_lanes(x + k, Lanes::size) + Lanes(dt) * now[part], x + k, Lanes::size);
+    }
+    fastest = max(fastest, norm_squared(columns_of<dim>(now)));
   }
   double fastest_of_all = 0.0;
   for (int l = 0; l < Lanes::size; ++l)
     fastest_of_all = std::max(fastest_of_all, fastest[l]);
+  for (; n < end; ++n)
+  {
+    const auto i = static_cast<std::size_t>(n);
+    if constexpr (kicks)
+      nodes_.v[i] += 0.5 * dt * nodes_.a[i];
+    nodes_.x[i] += dt * nodes_.v[i];
+    fastest_of_all = std::max(fastest_of_all, norm_squared(nodes_.v[i]));
+  }
   return fastest_of_all;
 }
 
@@ -459,6 +466,10 @@ void Fluid<dim>::book_opening(int kind, double factor, double other)
     opening_works_.push_back({2 * steps_ + kind, factor, other});
 }
 
+template double Fluid<2>::move_nodes<true>(double, index_t, index_t);
+template double Fluid<2>::move_nodes<false>(double, index_t, index_t);
+template double Fluid<3>::move_nodes<true>(double, index_t, index_t);
+template double Fluid<3>::move_nodes<false>(double, index_t, index_t);
 template class Fluid<2>;
 template class Fluid<3>;
 

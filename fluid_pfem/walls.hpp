@@ -125,6 +125,11 @@ public:
   std::array<index_t, 2> own_blocks() const { return own_blocks_; }
   /// That of node n.
   index_t block_of(index_t n) const;
+  /// Some of its nodes may touch a wall before something has moved by the margin.
+  bool has_candidates(index_t block) const
+  {
+    return !blocks_[static_cast<std::size_t>(block)].candidates.empty();
+  }
   index_t end_of(index_t block) const { return blocks_[static_cast<std::size_t>(block)].end; }
   /// The nodes up to `end` and the rest of the block of the last of them: one behind it. Of nodes without a
   /// block `end` itself.
