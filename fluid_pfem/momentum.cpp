@@ -363,8 +363,10 @@ template <int dim>
 void ElementSums<dim>::reset(index_t n, index_t begin, index_t end)
 {
   record.resize(static_cast<std::size_t>(n));
+  const bool is_new = sum.capacity() == 0; // then it is zero
   sum.resize(static_cast<std::size_t>(n));
-  std::fill(sum.begin() + begin, sum.begin() + end, FourNumbers{});
+  if (!is_new)
+    std::fill(sum.begin() + begin, sum.begin() + end, FourNumbers{});
   body.clear();
 }
 

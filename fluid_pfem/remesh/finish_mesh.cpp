@@ -101,12 +101,14 @@ void Fluid<dim>::finish_mesh()
   each_pressed([&](std::size_t, const Vec<dim>& a) { pressed.push_back(a); });
   for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
     nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
-  record_nodes<dim>(nodes_, config_.terms, begin, end, sums_);
+  team_.each([&](const Share& share)
+             { record_nodes<dim>(nodes_, config_.terms, share.node_begin, share.node_end, sums_); });
   halo_.update(sums_.record, nodes_.m);
   each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
                { add_element_forces(present_step(dt_before_), list, first, last, share); });
   std::fill(sums_.heat.begin(), sums_.heat.end(), 0.0); // no time has passed
-  accelerate(present_step(dt_before_), begin, end);
+  team_.each([&](const Share& share)
+             { accelerate(present_step(dt_before_), share.node_begin, share.node_end); });
   add_body_force(begin, end);
   constrain_accelerations(begin, end);
   find_impedance();
@@ -146,9 +148,14 @@ template <int dim>
 void Fluid<dim>::measure_quality()
 {
   quality_.resize(mesh_.elements.size());
-  for (auto e = static_cast<std::size_t>(team_.element_begin());
-       e < static_cast<std::size_t>(team_.element_end()); ++e)
-    quality_[e] = static_cast<float>(quality<dim>(corners<dim>(x_remesh_, mesh_.elements[e], nodes_.period)));
+  team_.each(
+      [this](const Share& share)
+      {
+        for (auto e = static_cast<std::size_t>(share.element_begin);
+             e < static_cast<std::size_t>(share.element_end); ++e)
+          quality_[e] =
+              static_cast<float>(quality<dim>(corners<dim>(x_remesh_, mesh_.elements[e], nodes_.period)));
+      });
 }
 
 /// Boundary, free surface, wall, isolated: from the boundary facets and the walls. Each rank flags its nodes.
