@@ -476,7 +476,7 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
   exchange_of_all_ = {};
   connect_mesh(part_of_all(std::move(mesh_.elements)));
   measure_quality();
-  collected_ = ranks().alone();
+  keep_own_rows();
   moves_.clear();
   if (ranks().rank() != 0)
     for (ExactSum* sum : sums_over_time())

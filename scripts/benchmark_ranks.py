@@ -226,9 +226,9 @@ def main():
     scenes = [(2, math.sqrt(args.nodes / 2), args.steps), (3, (args.nodes / 5) ** (1 / 3), max(21, args.steps // 4))]  # in space a remesh takes long
     if args.large > 0:
         scenes.insert(0, (2, math.sqrt(args.large / 2), max(21, args.steps // 2)))
+    found = {}
     for dim, resolution, steps in scenes:
         rows = found[dim] = pairs(args.pairs, round(resolution, 1), steps, dim)
-        one = rows[1]
         step = {r: rows[r]["step_s"] + rows[r]["bound_s"] for r in rows}
         whole = {r: step[r] + rows[r]["per_remesh_s"] / STEPS_PER_REMESH for r in rows}
         work = {r: rows[r]["all_steps_s"] for r in rows}
