@@ -379,15 +379,22 @@ void record_nodes(const FluidNodes<dim>& nodes, const ElementTermsConfig& config
   for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
   {
     auto& c = sums.record[n].c;
-    const Vec<dim>&x = nodes.x[n], &v = nodes.v[n], a = with_a * nodes.a[n];
-    if constexpr (dim == 2) // in two stores
+    if constexpr (dim == 2) // pairs of numbers, in two stores
     {
+      typedef double Two __attribute__((vector_size(2 * sizeof(double))));
+      const auto load = [](const Vec<dim>& from)
+      {
+        Two two;
+        __builtin_memcpy(&two, from.c.data(), sizeof two);
+        return two;
+      };
       auto* const rows = reinterpret_cast<FourNumbers*>(c.data());
-      rows[0] = FourNumbers{x[0], x[1], v[0], v[1]};
-      rows[1] = FourNumbers{nodes.p[n], nodes.rho[n], a[0], a[1]};
+      rows[0] = __builtin_shufflevector(load(nodes.x[n]), load(nodes.v[n]), 0, 1, 2, 3);
+      rows[1] = __builtin_shufflevector(Two{nodes.p[n], nodes.rho[n]}, with_a * load(nodes.a[n]), 0, 1, 2, 3);
     }
     else
     {
+      const Vec<dim>&x = nodes.x[n], &v = nodes.v[n], a = with_a * nodes.a[n];
       std::copy_n(x.c.begin(), dim, c.begin() + Record::x);
       std::copy_n(v.c.begin(), dim, c.begin() + Record::v);
       std::copy_n(a.c.begin(), dim, c.begin() + Record::a);

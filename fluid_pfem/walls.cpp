@@ -498,7 +498,8 @@ void Walls<dim>::contact(index_t block, std::size_t move, double dt, std::span<c
       // has just kicked it.
       reaction.work.add(0.5 * m[n] * dot(dv, v[n] - dt_mean * a[n] + v[n] + dv));
       for (std::size_t i = 0; i < dim; ++i)
-        reaction.impulse[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
+        if (push.c[i] != 0.0)
+          reaction.impulse[static_cast<std::size_t>(wall.wall)][i].add(-m[n] * push.c[i]);
       v[n] += dv;
       a[n] += (1.0 / dt_mean) * dv;
       corrected = true;
