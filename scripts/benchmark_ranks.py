@@ -23,7 +23,7 @@ ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROO
 # The network of the model, per rank, and how often a splashing dam break remeshes (docs/benchmarks/fluid_speed.md).
 LATENCY, BANDWIDTH, STEPS_PER_REMESH = 2e-6, 5e9, 33
 GATHERED = {2: 12 / 25, 3: 40 / 25}  # bytes of a node that a remesh gathers: one in 25 does
-FOR_ALL = {2: 0.03e-6, 3: 0.05e-6}  # seconds a node that every rank spends on all nodes in a remesh (profile of eight ranks)
+FOR_ALL = {2: 0.03e-6, 3: 0.05e-6}  # seconds a node that every rank spends on all nodes in a remesh (estimates: bytes that move; a flat profile of eight ranks)
 PAGE = ROOT / "docs" / "benchmarks" / "scaling.md"
 SOLID = "# The solid on several ranks"
 # Words of solid_ranks_speed, and what they are.
@@ -243,7 +243,7 @@ def main():
         row = rows[2]
         out.append(f"| {row['nodes']:.0f} | " + " | ".join(f"{1e3 * row[key]:.3g}" for key in ("wall_s", *(f"wall_{part}_s" for part in ("compute", "halo", "remesh", "imbalance", "wait")))) + " |")
     out += ["", "## A model of more ranks", "",
-            f"Work per node and in a remesh from the table: what eight ranks compute more than one is beside seven cuts (in space three), but for what every rank makes in a remesh for all nodes ({1e6 * FOR_ALL[2]:g} us a node in the plane, {1e6 * FOR_ALL[3]:g} in space, by profile). Messages of the measured size, "
+            f"Work per node and in a remesh from the table: what eight ranks compute more than one is beside seven cuts (in space three), but for what every rank makes in a remesh for all nodes ({1e6 * FOR_ALL[2]:g} us a node in the plane, {1e6 * FOR_ALL[3]:g} in space, estimated). Messages of the measured size, "
             f"to each neighbour (two in the plane, up to 26 in space) as many in a step as two ranks send each other, several steps to a message in the plane, two reductions each four and eight steps over a tree, network: {1e6 * LATENCY:g} us and {BANDWIDTH / 1e9:g} GB/s per rank. Means over the ranks. In the plane ranges of rows are strips, so a cut is as wide as the fluid, and there are no more ranks than half "
             "its layers; in space ranges of the bisection are boxes.", ""]
     for n, dim in ((1e5, 2), (1e6, 2), (1e6, 3)):

@@ -261,11 +261,10 @@ std::vector<Vec<3>> points_of_splash(int n, double push, std::mt19937& random)
   for (const Vec<3>& p : points_of_lattice<3>(n, push, random))
   {
     const double middle = 0.5 * n, surface = 0.7 * n + 1.5 * std::sin(0.9 * p[0]) * std::cos(0.7 * p[1]);
-    const bool cavity =
-        norm(p -
-             Vec<3>{{middle, middle,
-                     0.3 * n}})<2.6, drop = norm(p - Vec<3>{{0.3 * n, 0.4 * n, n - 2.0}}) < 1.6, film = p[2]>
-            n - 0.5 - push;
+    const Vec<3> hole{{middle, middle, 0.3 * n}}, flown{{0.3 * n, 0.4 * n, n - 2.0}};
+    const bool cavity = norm(p - hole) < 2.6;
+    const bool drop = norm(p - flown) < 1.6;
+    const bool film = p[2] > n - 0.5 - push;
     if ((p[2] < surface && !cavity) || drop || film)
       x.push_back(p);
   }
