@@ -1,38 +1,26 @@
-// From MPI_COMM_WORLD to roles, and the way out when something fails.
+// The hand-shake over MPI_COMM_WORLD, and the communicators that come of it.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "common/coupling/bootstrap.hpp"
 
 #include "common/coupling/exit_codes.hpp"
-#include "common/coupling/failure_state.hpp"
+#include "common/coupling/failure.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/mpi_channel.hpp"
+#include "common/coupling/own_process.hpp"
+#include "common/coupling/start_timer.hpp"
+#include "common/coupling/text.hpp"
 
-#include <fcntl.h>
 #include <sched.h>
-#include <signal.h>
-#include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cctype>
-#include <chrono>
-#include <condition_variable>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <exception>
-#include <mutex>
 #include <optional>
-#include <thread>
 
 namespace undine::link
 {
 namespace
 {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr int hello_tag = 21001;
 constexpr int roster_tag = 21002;
@@ -42,159 +30,6 @@ constexpr int intercommunicator_tag = 21004;
 /// How much later than its own hello limit a rank gives up on world rank 0 [s]: the judge's verdict comes
 /// first.
 constexpr double roster_grace = 1.0;
-
-/// Seconds this process leaves to others that see the same error, before it speaks itself; negative: not
-/// known yet.
-std::atomic<double> courtesy{-1.0};
-
-std::string number_text(double value)
-{
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
-/// One write, so that the lines of several programs do not mix.
-void print(const std::string& text)
-{
-  const char* p = text.data();
-  std::size_t left = text.size();
-  while (left > 0)
-  {
-    const ssize_t written = ::write(STDERR_FILENO, p, left);
-    if (written <= 0)
-      return;
-    p += written;
-    left -= static_cast<std::size_t>(written);
-  }
-}
-
-void sleep_for(double seconds)
-{
-  const timespec duration{
-      .tv_sec = static_cast<time_t>(seconds),
-      .tv_nsec = static_cast<long>((seconds - static_cast<double>(static_cast<time_t>(seconds))) * 1e9)};
-  nanosleep(&duration, nullptr);
-}
-
-bool mpi_is_running()
-{
-  int initialized = 0;
-  int finalized = 0;
-  MPI_Initialized(&initialized);
-  MPI_Finalized(&finalized);
-  return initialized != 0 && finalized == 0;
-}
-
-std::string host_name()
-{
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
-}
-
-/// Time that this process has had. One that was stopped (SIGSTOP; mpirun wakes it to end it) must not wake up
-/// past a limit and speak: from one look to the next at most a second counts.
-class OwnTime
-{
-public:
-  double seconds()
-  {
-    const auto now = Clock::now();
-    sum_ += std::min(1.0, std::chrono::duration<double>(now - last_).count());
-    last_ = now;
-    return sum_;
-  }
-
-private:
-  double sum_ = 0.0;
-  Clock::time_point last_ = Clock::now();
-};
-
-/// Ends the process when a piece of the start hangs inside MPI, where nothing else can end it.
-class Watchdog
-{
-public:
-  /// `during_mpi_init`: only if MPI_Init has not returned by then.
-  void arm(double seconds, int code, std::string text, bool during_mpi_init)
-  {
-    const std::lock_guard lock(mutex_);
-    time_ = {};
-    limit_ = seconds;
-    code_ = code;
-    text_ = std::move(text);
-    during_mpi_init_ = during_mpi_init;
-    armed_ = true;
-    if (!running_)
-    {
-      running_ = true;
-      // Signals stay with the main thread.
-      sigset_t all;
-      sigset_t old;
-      sigfillset(&all);
-      pthread_sigmask(SIG_SETMASK, &all, &old);
-      std::thread([this] { watch(); }).detach();
-      pthread_sigmask(SIG_SETMASK, &old, nullptr);
-    }
-    changed_.notify_all();
-  }
-
-  void disarm()
-  {
-    const std::lock_guard lock(mutex_);
-    armed_ = false;
-    changed_.notify_all();
-  }
-
-private:
-  void watch()
-  {
-    std::unique_lock lock(mutex_);
-    while (armed_)
-    {
-      if (const double left = limit_ - time_.seconds(); left > 0.0)
-      {
-        changed_.wait_for(lock, std::chrono::duration<double>(std::min(left, 0.25)));
-        continue;
-      }
-      if (during_mpi_init_ && mpi_is_running())
-        break; // started; from here on the deadline of the hello counts
-      print("error: " + text_ + "\n");
-      _exit(code_); // exit() could wait for the thread that hangs inside MPI
-    }
-    armed_ = false;
-    running_ = false;
-  }
-
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  OwnTime time_;
-  double limit_ = 0.0; ///< [s]
-  int code_ = 0;
-  std::string text_;
-  bool during_mpi_init_ = false;
-  bool armed_ = false;
-  bool running_ = false;
-};
-
-/// Never destroyed: its thread may outlive main().
-Watchdog& watchdog()
-{
-  static Watchdog* const dog = new Watchdog;
-  return *dog;
-}
-
-/// Rank in the world as the launcher tells it, for errors before MPI_Init.
-int rank_from_launcher()
-{
-  for (const char* name : {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID"})
-    if (const char* value = std::getenv(name))
-      return std::atoi(value);
-  return 0;
-}
-
-/// The one that speaks first when several see the same error has 0; the others follow one after the other.
-double courtesy_of(int position) { return position == 0 ? 0.0 : 0.3 + 0.1 * std::min(position, 20); }
 
 /// Errors of MPI_COMM_WORLD are returned, not fatal, while this object lives.
 class ReturnedErrors
@@ -257,19 +92,19 @@ private:
   int turns_ = 0;
 };
 
-/// World rank 0: hear everybody, judge, answer all that spoke.
-Roster judge_world(const Hello& own, int world_size, const Deadlines& deadlines)
+using Hellos = std::vector<std::optional<Hello>>; ///< by world rank
+
+/// World rank 0: hear everybody, until all have spoken or something is wrong.
+Verdict hear_world(Hellos& hellos, double seconds)
 {
-  std::vector<std::optional<Hello>> hellos(static_cast<std::size_t>(world_size));
-  hellos[0] = own;
-  int missing = world_size - 1;
-  Verdict verdict;
-  Wait wait(deadlines.hello);
-  while (missing > 0 && verdict.code == 0)
+  auto missing = std::count(hellos.begin(), hellos.end(), std::nullopt);
+  Wait wait(seconds);
+  while (missing > 0)
   {
     int from = 0;
     if (const auto bytes = take(MPI_ANY_SOURCE, hello_tag, &from))
     {
+      Verdict verdict;
       try
       {
         auto& slot = hellos[static_cast<std::size_t>(from)];
@@ -281,38 +116,33 @@ Roster judge_world(const Hello& own, int world_size, const Deadlines& deadlines)
       {
         verdict = {error.code(), "world rank " + std::to_string(from) + ": " + error.what()};
       }
-      continue;
+      if (verdict.code != 0)
+        return verdict;
     }
-    if (wait.over())
-      verdict = judge_silence(hellos, deadlines.hello);
+    else if (wait.over())
+      return judge_silence(hellos, seconds);
     else
       wait.pause();
   }
-  if (verdict.code == 0)
-    verdict = judge_roles(hellos);
+  return judge_roles(hellos);
+}
 
-  Roster roster{
-      .major = own.major, .minor = own.minor, .status = verdict.code, .text = verdict.text, .ranks = {}};
-  for (const auto& hello : hellos)
-    if (hello)
-      roster.minor = std::min(roster.minor, hello->minor);
-  if (verdict.code == 0)
-    for (const auto& hello : hellos)
-      roster.ranks.push_back({hello->role, hello->solver, hello->host, hello->capabilities});
-
+/// To all that spoke.
+void send(const Roster& roster, const Hellos& hellos, double seconds)
+{
   const std::vector<std::byte> bytes = encode(roster);
   std::vector<MPI_Request> requests;
-  for (int rank = 1; rank < world_size; ++rank)
-    if (hellos[static_cast<std::size_t>(rank)])
+  for (std::size_t rank = 1; rank < hellos.size(); ++rank)
+    if (hellos[rank])
     {
       requests.emplace_back();
-      require_success(MPI_Isend(bytes.data(), static_cast<int>(bytes.size()), MPI_BYTE, rank, roster_tag,
-                                MPI_COMM_WORLD, &requests.back()),
+      require_success(MPI_Isend(bytes.data(), static_cast<int>(bytes.size()), MPI_BYTE,
+                                static_cast<int>(rank), roster_tag, MPI_COMM_WORLD, &requests.back()),
                       "sending the roster");
     }
   // After a good verdict everybody is in the receive loop. After a bad one somebody may be dead: a short try
   // only.
-  Wait sending(verdict.code == 0 ? deadlines.hello : 0.2);
+  Wait sending(roster.status == 0 ? seconds : 0.2);
   for (int done = 0; done == 0 && !sending.over();)
   {
     require_success(
@@ -321,6 +151,24 @@ Roster judge_world(const Hello& own, int world_size, const Deadlines& deadlines)
     if (done == 0)
       sending.pause();
   }
+}
+
+/// World rank 0: hear, judge, answer.
+Roster judge_world(const Hello& own, int world_size, const Deadlines& deadlines)
+{
+  Hellos hellos(static_cast<std::size_t>(world_size));
+  hellos[0] = own;
+  const Verdict verdict = hear_world(hellos, deadlines.hello);
+  Roster roster{
+      .major = own.major, .minor = own.minor, .status = verdict.code, .text = verdict.text, .ranks = {}};
+  for (const auto& hello : hellos)
+  {
+    if (hello)
+      roster.minor = std::min(roster.minor, hello->minor);
+    if (verdict.code == 0)
+      roster.ranks.push_back({hello->role, hello->solver, hello->host, hello->capabilities});
+  }
+  send(roster, hellos, deadlines.hello);
   return roster;
 }
 
@@ -346,116 +194,6 @@ Roster ask_judge(const Hello& own, const Deadlines& deadlines)
                       "world rank 0 has not answered the hello within " + number_text(limit) +
                           " s\n       the first program of the mpirun line does not speak the Undine "
                           "protocol, or hangs while it starts.");
-}
-
-// --- the way out
-// ----------------------------------------------------------------------------------------------------
-
-std::string toml_string(const std::string& text)
-{
-  std::string quoted = "\"";
-  for (const char c : text)
-    switch (c)
-    {
-    case '"':
-      quoted += "\\\"";
-      break;
-    case '\\':
-      quoted += "\\\\";
-      break;
-    case '\n':
-      quoted += "\\n";
-      break;
-    case '\t':
-      quoted += "\\t";
-      break;
-    case '\r':
-      quoted += "\\r";
-      break;
-    default:
-      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F)
-      {
-        char escaped[8];
-        std::snprintf(escaped, sizeof escaped, "\\u%04X",
-                      static_cast<unsigned>(static_cast<unsigned char>(c)));
-        quoted += escaped;
-      }
-      else
-        quoted += c;
-    }
-  return quoted + "\"";
-}
-
-/// The number behind `name` ("step 12", "t = 0.5 s") as it stands in the text, or nothing.
-std::string number_after(const std::string& text, const std::string& name, bool with_equal_sign)
-{
-  for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name, at + 1))
-  {
-    if (at > 0 && (std::isalnum(static_cast<unsigned char>(text[at - 1])) != 0 || text[at - 1] == '_'))
-      continue;
-    std::size_t i = at + name.size();
-    while (i < text.size() && text[i] == ' ')
-      ++i;
-    if (with_equal_sign)
-    {
-      if (i >= text.size() || text[i] != '=')
-        continue;
-      ++i;
-      while (i < text.size() && text[i] == ' ')
-        ++i;
-    }
-    char* end = nullptr;
-    std::strtod(text.c_str() + i, &end);
-    std::string number(text.c_str() + i, static_cast<const char*>(end));
-    if (!number.empty() && (std::isdigit(static_cast<unsigned char>(number[0])) != 0 || number[0] == '-'))
-      return number;
-  }
-  return {};
-}
-
-/// When this process started, before main().
-const time_t process_start = time(nullptr);
-
-/// A file of an earlier run in the same folder. The programs of one run start within seconds of each other.
-bool is_stale(const std::string& path)
-{
-  struct stat status
-  {
-  };
-  return stat(path.c_str(), &status) == 0 && status.st_mtime < process_start - 10;
-}
-
-/// Writes FAILED.toml whole or not at all, and never over that of a program of this run that failed earlier.
-void write_failed(const std::string& out_dir, int code, const std::string& role, int rank,
-                  const std::string& text)
-{
-  std::string content = "# Why the run ended.\n";
-  content += "code = " + std::to_string(code) + "\n";
-  content += "program = " + toml_string(role) + "\n";
-  content += "rank = " + std::to_string(rank) + "\n";
-  content += "host = " + toml_string(host_name()) + "\n";
-  content += "pid = " + std::to_string(getpid()) + "\n";
-  if (const std::string step = number_after(text, "step", false); !step.empty())
-    content += "step = " + step + "\n";
-  if (const std::string time = number_after(text, "t", true); !time.empty())
-    content += "time = " + time + "\n";
-  content += "text = " + toml_string(text) + "\n";
-
-  mkdir(out_dir.c_str(), 0777); // an error before the output folder was made
-  const std::string target = out_dir + "/FAILED.toml";
-  const std::string temporary = target + "." + std::to_string(getpid());
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0)
-    return; // the message on stderr must do
-  const bool complete =
-      ::write(file, content.data(), content.size()) == static_cast<ssize_t>(content.size()) &&
-      fsync(file) == 0;
-  close(file);
-  // link() refuses to replace, rename() does not; some file systems have no links.
-  if (complete && (is_stale(target) ||
-                   (::link(temporary.c_str(), target.c_str()) != 0 && access(target.c_str(), F_OK) != 0)))
-    rename(temporary.c_str(), target.c_str());
-  unlink(temporary.c_str());
 }
 
 /// Role of this process, for finalize_guard().
@@ -491,20 +229,6 @@ void guard_finalize()
 
 } // namespace
 
-void arm_start_timer(const std::string& role, double seconds)
-{
-  if (seconds <= 0.0 || mpi_is_running())
-    return;
-  // The coupler's timer, or that of the first process, runs out first, so that the message comes once.
-  const double delay = rank_from_launcher() == 0 ? 0.0 : 0.5;
-  watchdog().arm(
-      seconds + delay, code::mpi_start_incomplete,
-      "'" + role + "' still waits in MPI_Init after " + number_text(seconds) +
-          " s: at least one program on the mpirun line never called MPI_Init"
-          "\n       check that every name on the line is an MPI program, built with the MPI of this mpirun.",
-      true);
-}
-
 struct World::State
 {
   std::string role;
@@ -530,6 +254,15 @@ struct World::State
       if (roster.ranks[rank].role == wanted)
         ranks.push_back(static_cast<int>(rank));
     return ranks;
+  }
+
+  /// Rank 0 of a role. @throws ProtocolError(1)
+  const RosterEntry& first_of(const std::string& wanted) const
+  {
+    const std::vector<int> ranks = ranks_of(wanted);
+    if (ranks.empty())
+      throw ProtocolError(code::internal_error, "there is no program with role '" + wanted + "'");
+    return roster.ranks[static_cast<std::size_t>(ranks.front())];
   }
 
   void make_communicators(const std::vector<std::string>& partners)
@@ -576,13 +309,13 @@ World World::connect(const Identity& identity, const Deadlines& deadlines)
   courtesy = courtesy_of(rank); // world rank 0 judges, and speaks
 
   if (deadlines.hello > 0.0) // world rank 0 first; mpirun ends the others within two seconds
-    watchdog().arm(deadlines.hello + roster_grace + 5.0 + (rank == 0 ? 0.0 : 2.0), code::no_hello,
-                   "'" + identity.role + "': the hand-shake hangs although all programs have spoken", false);
+    arm_hand_shake_timer(deadlines.hello + roster_grace + 5.0 + (rank == 0 ? 0.0 : 2.0),
+                         "'" + identity.role + "': the hand-shake hangs although all programs have spoken");
   else
-    watchdog().disarm();
+    disarm_start_timer();
   struct Disarm
   {
-    ~Disarm() { watchdog().disarm(); }
+    ~Disarm() { disarm_start_timer(); }
   } const disarm;
   const ReturnedErrors returned_errors;
 
@@ -645,54 +378,11 @@ std::unique_ptr<Channel> World::path(const std::string& role, int rank) const
   return std::make_unique<MpiChannel>(state_->owner, found->second, rank, state_->stall);
 }
 
-std::string World::solver_of(const std::string& role) const
-{
-  const std::vector<int> ranks = state_->ranks_of(role);
-  if (ranks.empty())
-    throw ProtocolError(code::internal_error, "there is no program with role '" + role + "'");
-  return state_->roster.ranks[static_cast<std::size_t>(ranks.front())].solver;
-}
+std::string World::solver_of(const std::string& role) const { return state_->first_of(role).solver; }
 
 std::uint64_t World::capabilities_of(const std::string& role) const
 {
-  const std::vector<int> ranks = state_->ranks_of(role);
-  if (ranks.empty())
-    throw ProtocolError(code::internal_error, "there is no program with role '" + role + "'");
-  return state_->roster.ranks[static_cast<std::size_t>(ranks.front())].capabilities;
-}
-
-void abort_world(int code, const std::string& role, const std::string& text, const std::string& out_dir)
-{
-  watchdog().disarm();
-  const bool running = mpi_is_running();
-  int rank = rank_from_launcher();
-  if (running)
-    MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-
-  // Others may see the same error, or hear of it from us; whoever speaks first ends all, so this wait is
-  // rarely slept through.
-  const double leave = courtesy.load() >= 0.0 ? courtesy.load() : courtesy_of(rank);
-  const double announced = failure_announced ? 5.0 : 0.0;
-  if (std::max(leave, announced) > 0.0)
-    sleep_for(std::max(leave, announced));
-
-  std::fflush(nullptr);
-  print("error: " + text + "\n       (" + role + ", world rank " + std::to_string(rank) + " on " +
-        host_name() + ", exit code " + std::to_string(code) + ")\n");
-  if (!out_dir.empty())
-    write_failed(out_dir, code, role, rank, text);
-  if (running)
-    MPI_Abort(MPI_COMM_WORLD, code);
-  // Before MPI_Init the launcher ends the others when it sees this code.
-  std::_Exit(code);
-}
-
-void report_failure(int code, const std::string& role, const std::string& text, const std::string& out_dir)
-{
-  watchdog().disarm();
-  print("error: " + text + "\n");
-  if (!out_dir.empty())
-    write_failed(out_dir, code, role, rank_from_launcher(), text);
+  return state_->first_of(role).capabilities;
 }
 
 } // namespace undine::link

@@ -19,10 +19,6 @@ namespace undine::link
 inline constexpr std::uint16_t protocol_major = 1;
 inline constexpr std::uint16_t protocol_minor = 0;
 
-/// Start a timer *before* MPI_Init: if the launch is incomplete after `seconds`, write why and _exit(31).
-/// Disarmed by connect().
-void arm_start_timer(const std::string& role, double seconds = 60.0);
-
 struct Identity
 {
   std::string role;            ///< "coupler", "fluid", "solid" (or a solid's own name once there are several)
@@ -66,19 +62,5 @@ private:
   explicit World(std::unique_ptr<State>);
   std::unique_ptr<State> state_;
 };
-
-/// Print `text`, write FAILED.toml into `out_dir` (if not empty, and unless another program of this run
-/// already has), then MPI_Abort(MPI_COMM_WORLD, code); before MPI_Init and after MPI_Finalize _Exit(code). A
-/// step and a time are taken from the text where it says "step 12" and "t = 0.5".
-///
-/// When several programs see the same error only one shall speak: world rank 0 in the hand-shake, the coupler
-/// in the run. The others wait 0.3 s and more, five seconds if they announced the failure with a FAIL
-/// message, and are normally killed meanwhile.
-[[noreturn]] void abort_world(int code, const std::string& role, const std::string& text,
-                              const std::string& out_dir);
-
-/// The same without the end: print `text` and write FAILED.toml, for a program that runs alone and returns
-/// its code.
-void report_failure(int code, const std::string& role, const std::string& text, const std::string& out_dir);
 
 } // namespace undine::link

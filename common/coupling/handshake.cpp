@@ -3,6 +3,7 @@
 #include "common/coupling/handshake.hpp"
 
 #include "common/coupling/exit_codes.hpp"
+#include "common/coupling/text.hpp"
 #include "common/coupling/wire.hpp"
 
 #include <algorithm>
@@ -274,10 +275,8 @@ Verdict judge_silence(std::span<const std::optional<Hello>> hellos, double secon
       ranks += (ranks.empty() ? "" : ", ") + std::to_string(rank);
   if (ranks.empty())
     return {};
-  char limit[32];
-  std::snprintf(limit, sizeof limit, "%g", seconds);
   return {code::no_hello,
-          "no hello from world rank(s) " + ranks + " within " + limit +
+          "no hello from world rank(s) " + ranks + " within " + number_text(seconds) +
               " s\n       that program does not speak the Undine protocol, or hangs while it starts; ranks "
               "count the programs of the mpirun line from 0."};
 }

@@ -46,6 +46,8 @@
 namespace undine::link
 {
 
+class Conversation;
+
 /// A solver's end. Call order: receive_setup → send_mesh → send_report, then per window: next_window →
 /// [send_kinematics → receive_activation] → (send_free_velocity → receive_link_force)* → send_report.
 class SolverLink
@@ -89,9 +91,7 @@ public:
   double wait_seconds() const; ///< total time spent waiting
 
 private:
-  struct Conversation;
   std::unique_ptr<Conversation> conversation_;
-  int rank_ = 0;
   std::function<CheckpointDone(const CheckpointOrder&)> write_checkpoint_;
 };
 
@@ -131,17 +131,18 @@ public:
   double wait_seconds() const;
 
 private:
-  struct Conversation;
   struct Path;
   SurfaceMesh receive_surface_mesh(MessageType type);
   void find_paths(const SurfaceMesh& mesh);
   template <class Talk>
   void with_owners(Talk&& talk);
+  template <class Vectors, class Read>
+  Vectors collect(MessageType type, Read&& read, std::vector<double> Vectors::*one,
+                  std::vector<double> Vectors::*other);
   void place(std::span<const double> mine, const std::vector<std::int64_t>& rows,
              std::span<double> all) const;
   std::vector<double> pick(std::span<const double> all, const std::vector<std::int64_t>& rows) const;
   std::size_t size() const;
-  void require_size(MessageType type, std::size_t came) const;
   void end_paths() noexcept;
 
   std::unique_ptr<Conversation> conversation_;

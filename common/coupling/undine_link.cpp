@@ -4,7 +4,9 @@
 
 #include "common/coupling/bootstrap.hpp"
 #include "common/coupling/exit_codes.hpp"
+#include "common/coupling/failure.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/start_timer.hpp"
 #include "common/coupling/team.hpp"
 #include "common/coupling/wire.hpp"
 

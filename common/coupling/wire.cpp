@@ -628,6 +628,8 @@ Failed read_failed(Reader in)
   return f;
 }
 
+void write(Writer& out, const std::string& reason) { out.string(reason); }
+
 std::string read_reason(Reader in)
 {
   std::string reason = in.string("reason");

@@ -185,6 +185,7 @@ void write(Writer&, const Motion&);
 void write(Writer&, const CheckpointOrder&);
 void write(Writer&, const CheckpointDone&);
 void write(Writer&, const Failed&);
+void write(Writer&, const std::string& reason); ///< STOP_REQUEST and BYE
 
 Setup read_setup(Reader);
 SurfaceMesh read_surface_mesh(Reader);

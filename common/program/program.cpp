@@ -1,6 +1,8 @@
 // Start and end of a program.
 #include "common/program/program.hpp"
 
+#include "common/coupling/failure.hpp"
+#include "common/coupling/start_timer.hpp"
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/parallel/mpi_ranks.hpp"

@@ -1,8 +1,10 @@
 // One program of a coupled run without physics: it plays its role of the protocol, or breaks it as --behave
 // says. Driven by failure_matrix.py.
 #include "common/coupling/bootstrap.hpp"
+#include "common/coupling/failure.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/start_timer.hpp"
 #include "common/coupling/team.hpp"
 #include "common/coupling/wire.hpp"
 

@@ -6,8 +6,10 @@
 #include "common/coupling/conform/conversations.hpp"
 #include "common/coupling/conform/wrong_messages.hpp"
 #include "common/coupling/exit_codes.hpp"
+#include "common/coupling/failure.hpp"
 #include "common/coupling/handshake.hpp"
 #include "common/coupling/link.hpp"
+#include "common/coupling/start_timer.hpp"
 #include "common/coupling/wire.hpp"
 
 #include <mpi.h>
