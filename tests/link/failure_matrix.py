@@ -11,13 +11,14 @@ import argparse
 import os
 import re
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
-MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+import processes  # noqa: E402
 
 START, HELLO, STALL = 4.0, 3.0, 2.0  # the deadlines [s]; long enough for a machine that others use as well
 
@@ -82,7 +83,7 @@ CASES = [
     Case("well, coupler last", [SOLID, FLUID, COUPLER], (0,), 2, [r"200 windows with 6 exchanges each"]),
     Case("alone", [["2", "--role=fluid", "--alone=yes"]], (0,), 0, [r"fluid runs alone"]),
     Case("slow but alive", coupled("--behave=slow"), (0,), 2 * STALL, [r"200 windows"]),
-    Case("whole job suspended", coupled("--behave=work"), (0,), 10, [r"200 windows"], signal_all=True),
+    Case("whole job suspended", coupled("--behave=work"), (0,), 4, [r"200 windows"], signal_all=True),
 
     # mpirun itself notices and kills the others; its own codes
     Case("killed", coupled("--behave=killed"), (137,), 0, [r"rank 2 .*exited on signal 9"], short=True),
@@ -160,7 +161,7 @@ CASES = [
 
 def mpirun_line(case, actor, out):
     """One application context per program."""
-    line = list(MPIRUN)
+    line = list(processes.MPIRUN)
     for i, program in enumerate(case.programs):
         count = "1"
         if program[0].isdigit():
@@ -173,44 +174,6 @@ def mpirun_line(case, actor, out):
     return line
 
 
-def descendants(root):
-    """Process ids of all living descendants of `root`, from /proc; zombies do not count."""
-    children = {}
-    for entry in os.listdir("/proc"):
-        if entry.isdigit():
-            try:
-                with open(f"/proc/{entry}/stat") as stat:
-                    state, parent = stat.read().rpartition(")")[2].split()[:2]
-            except OSError:
-                continue
-            if state not in "ZX":
-                children.setdefault(int(parent), []).append(int(entry))
-    found, front = [], [root]
-    while front:
-        front = [child for pid in front for child in children.get(pid, [])]
-        found += front
-    return found
-
-
-def alive(pid):
-    """True if the process exists and is no zombie."""
-    try:
-        with open(f"/proc/{pid}/stat") as stat:
-            return stat.read().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
-
-
-def read_failed(folder):
-    """Entries of FAILED.toml as text, {} if there is none."""
-    try:
-        with open(os.path.join(folder, "FAILED.toml")) as file:
-            pairs = (line.split(" = ", 1) for line in file if " = " in line)
-            return {key: value.strip() for key, value in pairs}
-    except FileNotFoundError:
-        return {}
-
-
 def leave_stale_file(folder):
     """FAILED.toml of a run of an hour ago: a new failure must replace it."""
     path = os.path.join(folder, "FAILED.toml")
@@ -220,10 +183,10 @@ def leave_stale_file(folder):
     os.utime(path, (an_hour_ago, an_hour_ago))
 
 
-def suspend(root):
+def suspend(job):
     """Stop all processes of the job for longer than the stall limit, then let them go on."""
     time.sleep(2.0)
-    pids = descendants(root)
+    pids = processes.descendants(job.pid)
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
     time.sleep(STALL + 2.0)
@@ -231,62 +194,41 @@ def suspend(root):
         os.kill(pid, signal.SIGCONT)
 
 
+def complaints_about(case, ended, out):
+    """What is not as the case says."""
+    if ended.code is None:
+        if ended.left or not case.launcher_may_hang:
+            yield f"still running after {ended.seconds:.1f} s"
+    else:
+        if ended.code not in case.codes:
+            yield f"exit code {ended.code}, expected {' or '.join(map(str, case.codes))}"
+        if ended.left:
+            yield f"processes {ended.left} outlive mpirun"
+    for pattern in case.says:
+        if not re.search(pattern, ended.text):
+            yield f"the output does not say /{pattern}/"
+    errors = len(ended.errors())
+    if case.failed and not 1 <= errors <= case.witnesses:
+        yield f"{errors} programs printed an error, expected {'1' if case.witnesses == 1 else f'1 to {case.witnesses}'}"
+    failed = processes.read_failed(out)
+    for key, value in case.failed.items():
+        if failed.get(key) != value:
+            yield f"FAILED.toml has {key} = {failed.get(key)}, expected {value}"
+    leftovers = [name for name in os.listdir(out) if name != "FAILED.toml"]
+    if leftovers:
+        yield f"left behind: {leftovers}"
+
+
 def run(case, actor, verbose):
     """Run one case; returns (seconds, exit code, list of complaints)."""
-    complaints = []
-    environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-    limit = case.deadline + MARGIN
-    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryFile("w+") as log:
+    with tempfile.TemporaryDirectory() as out:
         if case.failed:
             leave_stale_file(out)
-        start = time.monotonic()
-        process = subprocess.Popen(mpirun_line(case, actor, out), stdin=subprocess.DEVNULL, stdout=log,
-                                   stderr=subprocess.STDOUT, env=environment, start_new_session=True)
-        if case.signal_all:
-            suspend(process.pid)
-        pids = set()
-        while process.poll() is None and time.monotonic() - start < limit:
-            pids.update(descendants(process.pid))
-            time.sleep(0.05)
-        seconds = time.monotonic() - start
-        code = process.poll()
-        if code is not None and code < 0:
-            code = 128 - code  # mpirun itself died of a signal; as a shell counts
-        if code is None:
-            running = descendants(process.pid)
-            if running or not case.launcher_may_hang:
-                complaints.append(f"still running after {seconds:.1f} s")
-            pids.update(running)
-            for pid in pids:
-                if alive(pid):
-                    os.kill(pid, signal.SIGKILL)
-            process.kill()
-            process.wait()
-        elif code not in case.codes:
-            complaints.append(f"exit code {code}, expected {' or '.join(map(str, case.codes))}")
-        time.sleep(0.2)
-        left = [pid for pid in pids if alive(pid)]
-        if left:
-            complaints.append(f"processes {left} outlive mpirun")
-
-        log.seek(0)
-        text = log.read()
-        for pattern in case.says:
-            if not re.search(pattern, text):
-                complaints.append(f"the output does not say /{pattern}/")
-        errors = len(re.findall(r"^error: ", text, re.MULTILINE))
-        if case.failed and not 1 <= errors <= case.witnesses:
-            complaints.append(f"{errors} programs printed an error, expected {'1' if case.witnesses == 1 else f'1 to {case.witnesses}'}")
-        failed = read_failed(out)
-        for key, value in case.failed.items():
-            if failed.get(key) != value:
-                complaints.append(f"FAILED.toml has {key} = {failed.get(key)}, expected {value}")
-        leftovers = [name for name in os.listdir(out) if name != "FAILED.toml"]
-        if leftovers:
-            complaints.append(f"left behind: {leftovers}")
+        ended = processes.run(mpirun_line(case, actor, out), case.deadline + MARGIN, suspend if case.signal_all else None)
+        complaints = list(complaints_about(case, ended, out))
         if verbose or complaints:
-            print(text)
-    return seconds, code, complaints
+            print(ended.text)
+    return ended.seconds, ended.code, complaints
 
 
 def main():

@@ -14,11 +14,13 @@ import os
 import re
 import statistics
 import subprocess
+import sys
 import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-MPIRUN = ["mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
+sys.path.insert(0, str(HERE.parent / "support"))
+from processes import ENVIRONMENT, MPIRUN  # noqa: E402
 
 
 def once(build, client, nodes, windows, ranks=1, coupler_ranks=1):
@@ -26,7 +28,7 @@ def once(build, client, nodes, windows, ranks=1, coupler_ranks=1):
     common = [f"--nodes={nodes}", f"--windows={windows}", "--m=20", "--hello=20", "--start=20", "--stall=20"]
     line = [*MPIRUN, "-n", str(coupler_ranks), actor, "--role=coupler", *common, ":", "-n", "1", actor, "--role=fluid", *common, ":",
             "-n", str(ranks), *client, *(["--split=yes"] if ranks > 1 else [])]
-    environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", PYTHONPATH=str(build / "lib"))
+    environment = dict(ENVIRONMENT, PYTHONPATH=str(build / "lib"))
     done = subprocess.run(line, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return float(re.search(r"([\d.]+) us per exchange", done.stdout)[1])
 
