@@ -2,6 +2,7 @@
 // step: step.cpp; the remesh: remesh/remesh.cpp; what the coupler sees: fluid_interface.cpp.
 #include "fluid_pfem/fluid.hpp"
 
+#include "common/config/nearest_word.hpp"
 #include "common/error.hpp"
 #include "common/parallel/exact_sum.hpp"
 #include "fluid_pfem/critical_time_step.hpp"

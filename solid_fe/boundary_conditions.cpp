@@ -1,7 +1,7 @@
 // Resolution of named supports and loads into nodes and forces.
 #include "solid_fe/boundary_conditions.hpp"
 
-#include "common/config/case_file.hpp"
+#include "common/config/nearest_word.hpp"
 #include "common/error.hpp"
 #include "solid_fe/elements/reference_elements.hpp"
 

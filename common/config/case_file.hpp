@@ -38,7 +38,11 @@ Rule at_least(double lower);
 Rule between(double lower, double upper);          ///< closed interval
 Rule strictly_between(double lower, double upper); ///< open interval
 
-class CaseDocument; // the parsed text; toml11 stays behind case_file.cpp
+class CaseDocument; // the parsed text; case_document.hpp
+namespace toml_tree
+{
+struct Node;
+}
 
 /// One table of the case. Cheap to copy; valid as long as its CaseFile.
 /// All readers throw InputError (place, key, value, rule) and mark the key as known.
@@ -81,9 +85,9 @@ public:
 
 private:
   friend class CaseFile;
-  CaseTable(std::shared_ptr<CaseDocument> document, const void* node, std::string path);
+  CaseTable(std::shared_ptr<CaseDocument> document, const toml_tree::Node* node, std::string path);
   std::shared_ptr<CaseDocument> document_;
-  const void* node_ = nullptr; ///< the parsed table, nullptr if absent
+  const toml_tree::Node* node_ = nullptr; ///< the parsed table, nullptr if absent
   std::string path_;
 };
 
@@ -136,11 +140,8 @@ public:
 
 private:
   explicit CaseFile(std::shared_ptr<CaseDocument> document) : document_(std::move(document)) {}
+  CaseTable root() const;
   std::shared_ptr<CaseDocument> document_;
 };
-
-/// The entry of `known` with the smallest edit distance to `word`, or "" if none is near (distance > max(2,
-/// length/3)).
-std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 } // namespace undine

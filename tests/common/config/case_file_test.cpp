@@ -1,5 +1,6 @@
 // Tests of the case file: reading, defaults, overrides, places of mistakes, documentation.
 #include "common/config/case_file.hpp"
+#include "common/config/nearest_word.hpp"
 
 #include "common/error.hpp"
 #include "tests/common/config/error_of.hpp"
