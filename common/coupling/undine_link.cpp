@@ -2,47 +2,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "common/coupling/undine_link.h"
 
-#include "common/coupling/bootstrap.hpp"
 #include "common/coupling/exit_codes.hpp"
 #include "common/coupling/failure.hpp"
-#include "common/coupling/link.hpp"
+#include "common/coupling/solver_handle.hpp"
 #include "common/coupling/start_timer.hpp"
-#include "common/coupling/team.hpp"
-#include "common/coupling/wire.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <exception>
-#include <limits>
-#include <map>
 #include <memory>
-#include <new>
-#include <optional>
-#include <span>
 #include <string>
-#include <vector>
-
-struct undine_link
-{
-  std::string role;
-  std::unique_ptr<undine::link::World> world;
-  std::optional<undine::link::SolverLink> conversation; ///< on rank 0 of the role; distributed: on all
-  double stall_seconds = 0.0;
-  std::optional<undine::link::Team> team; ///< distributed
-  undine::link::Setup setup;
-  bool has_setup = false;
-  undine::link::SurfaceMesh surface; ///< distributed: nodes of this rank
-  /// Distributed: faces of this rank by node_id, and the place in this rank's arrays of each row of its
-  /// vectors.
-  std::vector<std::int64_t> face_ids;
-  std::vector<std::size_t> place;
-  std::vector<double> rows, more_rows;
-  undine::link::SurfaceMesh partner_surface;
-  bool surface_was_sent = false;
-  bool offers_checkpoints = false;
-  undine::link::CheckpointOrder checkpoint;
-  std::string last_error;
-};
 
 namespace
 {
@@ -94,12 +62,6 @@ int guarded(undine_link* link, Body&& body) noexcept
   }
 }
 
-void require(bool holds, const std::string& text)
-{
-  if (!holds)
-    throw ProtocolError(code::internal_error, text);
-}
-
 /// The conversation of a valid handle. @throws ProtocolError(1)
 SolverLink& conversation(undine_link* link, const char* function)
 {
@@ -111,113 +73,11 @@ SolverLink& conversation(undine_link* link, const char* function)
   return *link->conversation;
 }
 
-bool is_first(const undine_link& link) { return !link.team || link.team->rank() == 0; }
-
-/// What rank 0 gets by `receive`, on all ranks; so is its failure.
-template <class Receive, class Write, class Read>
-auto told(undine_link& link, Receive&& receive, Write&& write, Read&& read) -> decltype(receive())
+/// Runs body(link's conversation) as guarded() does, if there is one.
+template <class Body>
+int talking(undine_link* link, const char* function, Body&& body) noexcept
 {
-  if (!link.team)
-    return receive();
-  std::vector<std::byte> bytes;
-  wire::Writer out(bytes);
-  if (link.team->rank() == 0)
-  {
-    std::optional<decltype(receive())> content;
-    try
-    {
-      content = receive();
-    }
-    catch (const ProtocolError& error)
-    {
-      out.i32(error.code());
-      out.string(error.what());
-      link.team->tell(std::move(bytes));
-      throw;
-    }
-    out.i32(UNDINE_OK);
-    write(out, *content);
-    link.team->tell(std::move(bytes));
-    return *content;
-  }
-  bytes = link.team->tell({});
-  wire::Reader in(bytes, "the word of rank 0");
-  if (const int code = in.i32("code"); code != UNDINE_OK)
-    throw ProtocolError(code, in.string("text"));
-  return read(std::span<const std::byte>(bytes).subspan(sizeof(std::int32_t)));
-}
-
-const auto write_content = [](wire::Writer& out, const auto& content) { wire::write(out, content); };
-
-/// Numbers in a vector of the wet surface.
-std::size_t vector_size(const undine_link& link)
-{
-  return static_cast<std::size_t>(link.surface.n_nodes()) * static_cast<std::size_t>(link.surface.dim);
-}
-
-std::span<const double> vector(const undine_link& link, const double* values, const char* name)
-{
-  require(values != nullptr || vector_size(link) == 0, std::string(name) + " is NULL");
-  return {values, vector_size(link)};
-}
-
-/// The rows of `values` in the order of the link's vectors; `room` is used if that is another.
-std::span<const double> in_link_order(const undine_link& link, const double* values, const char* name,
-                                      std::vector<double>& room)
-{
-  const auto given = vector(link, values, name);
-  if (!link.team)
-    return given;
-  const auto dim = static_cast<std::size_t>(link.surface.dim);
-  room.resize(given.size());
-  for (std::size_t k = 0; k < link.place.size(); ++k)
-    std::copy_n(given.begin() + static_cast<std::ptrdiff_t>(link.place[k] * dim), dim,
-                room.begin() + static_cast<std::ptrdiff_t>(k * dim));
-  return room;
-}
-
-/// The way back.
-void in_given_order(const undine_link& link, std::span<const double> rows, std::span<double> values)
-{
-  const auto dim = static_cast<std::size_t>(link.surface.dim);
-  for (std::size_t k = 0; k < values.size() / dim; ++k)
-    std::copy_n(rows.begin() + static_cast<std::ptrdiff_t>(k * dim), dim,
-                values.begin() + static_cast<std::ptrdiff_t>((link.team ? link.place[k] : k) * dim));
-}
-
-std::span<double> vector(const undine_link& link, double* values, const char* name)
-{
-  require(values != nullptr || vector_size(link) == 0, std::string(name) + " is NULL");
-  return {values, vector_size(link)};
-}
-
-/// Starts a new surface: nodes without masses, no faces.
-void begin_surface(undine_link& link, int64_t n, const int64_t* node_id, const double* x)
-{
-  require(link.has_setup, "the surface comes after undine_receive_setup");
-  require(n >= 0 && n <= std::numeric_limits<int32_t>::max(), "n = " + std::to_string(n) + " wet nodes");
-  require(x != nullptr || n == 0, "x is NULL");
-  const auto count = static_cast<std::size_t>(n);
-  const auto dim = static_cast<std::size_t>(link.setup.dim);
-  SurfaceMesh surface;
-  surface.dim = link.setup.dim;
-  surface.epoch = link.surface_was_sent ? link.surface.epoch + 1 : 0;
-  surface.interfaces = link.setup.interfaces;
-  surface.node_id.resize(count);
-  for (std::size_t k = 0; k < count; ++k)
-    surface.node_id[k] = node_id != nullptr ? node_id[k] : static_cast<int64_t>(k);
-  surface.x.assign(x, x + count * dim);
-  surface.inverse_mass.assign(count * dim * dim, 0.0);
-  link.surface = std::move(surface);
-  link.face_ids.clear();
-  if (!link.team)
-    return;
-  require(node_id != nullptr || n == 0, "node_id is NULL: after undine_distribute nodes have global numbers");
-  link.place.resize(count);
-  for (std::size_t k = 0; k < count; ++k)
-    link.place[k] = k;
-  std::sort(link.place.begin(), link.place.end(),
-            [node_id](std::size_t a, std::size_t b) { return node_id[a] < node_id[b]; });
+  return guarded(link, [&] { body(conversation(link, function)); });
 }
 
 /// Index of an interface of the set-up. @throws ProtocolError(1)
@@ -243,110 +103,6 @@ void require_faces(const char* function, const char* interface_name, const void*
               std::to_string(nodes_per_face) + " nodes");
 }
 
-/// Parts of all ranks as one surface: nodes by number, faces by interface and the numbers of their nodes,
-/// whoever gave them.
-SurfaceMesh joined(const undine_link& link, const std::vector<std::vector<std::byte>>& parts)
-{
-  struct Node
-  {
-    std::int32_t owner;
-    std::vector<double> x, inverse_mass;
-  };
-  std::map<std::int64_t, Node> nodes;
-  std::vector<std::pair<std::int32_t, std::vector<std::int64_t>>> faces;
-  const auto dim = static_cast<std::size_t>(link.setup.dim);
-  for (std::size_t rank = 0; rank < parts.size(); ++rank)
-  {
-    wire::Reader in(parts[rank], "the surface of rank " + std::to_string(rank));
-    const auto id = in.i64_list("node_id");
-    const auto x = in.f64_list("x"), W = in.f64_list("inverse_mass");
-    const auto offset = in.i32_list("face_offset"), interface = in.i32_list("face_interface");
-    const auto face_ids = in.i64_list("face_nodes");
-    for (std::size_t k = 0; k < id.size(); ++k)
-    {
-      const auto rows = [k](const std::vector<double>& all, std::size_t width)
-      {
-        return std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(k * width),
-                                   all.begin() + static_cast<std::ptrdiff_t>((k + 1) * width));
-      };
-      const auto [place, is_new] =
-          nodes.try_emplace(id[k], Node{static_cast<std::int32_t>(rank), rows(x, dim), rows(W, dim * dim)});
-      require(is_new, "undine_send_surface: node " + std::to_string(id[k]) + " was given by rank " +
-                          std::to_string(place->second.owner) + " and by rank " + std::to_string(rank) +
-                          "; each node belongs to one rank");
-    }
-    for (std::size_t f = 0; f + 1 < offset.size(); ++f)
-      faces.emplace_back(interface[f], std::vector<std::int64_t>(face_ids.begin() + offset[f],
-                                                                 face_ids.begin() + offset[f + 1]));
-  }
-  std::sort(faces.begin(), faces.end());
-
-  SurfaceMesh all;
-  all.dim = link.surface.dim;
-  all.epoch = link.surface.epoch;
-  all.interfaces = link.surface.interfaces;
-  std::map<std::int64_t, std::int32_t> position;
-  for (const auto& [id, node] : nodes)
-  {
-    position.emplace(id, static_cast<std::int32_t>(all.node_id.size()));
-    all.node_id.push_back(id);
-    all.x.insert(all.x.end(), node.x.begin(), node.x.end());
-    all.inverse_mass.insert(all.inverse_mass.end(), node.inverse_mass.begin(), node.inverse_mass.end());
-    all.owner.push_back(node.owner);
-  }
-  for (const auto& [interface, ids] : faces)
-  {
-    for (const std::int64_t id : ids)
-    {
-      const auto found = position.find(id);
-      require(found != position.end(), "undine_send_surface: a face has node " + std::to_string(id) +
-                                           ", which no rank has given by undine_set_nodes");
-      all.face_nodes.push_back(found->second);
-    }
-    all.face_offset.push_back(static_cast<std::int32_t>(all.face_nodes.size()));
-    all.face_interface.push_back(interface);
-  }
-  if (std::all_of(all.owner.begin(), all.owner.end(), [](std::int32_t r) { return r == 0; }))
-    all.owner.clear();
-  return all;
-}
-
-void send_joined_surface(undine_link& link)
-{
-  std::vector<std::byte> mine;
-  wire::Writer out(mine);
-  out.list<std::int64_t>(link.surface.node_id);
-  out.list<double>(link.surface.x);
-  out.list<double>(link.surface.inverse_mass);
-  out.list<std::int32_t>(link.surface.face_offset);
-  out.list<std::int32_t>(link.surface.face_interface);
-  out.list<std::int64_t>(link.face_ids);
-  const auto parts = link.team->collect(mine);
-  const auto send = [&link](const SurfaceMesh& surface)
-  {
-    if (link.surface_was_sent)
-      link.conversation->send_mesh_update(surface);
-    else
-      link.conversation->send_mesh(surface);
-  };
-  told(
-      link,
-      [&]
-      {
-        send(joined(link, parts));
-        return true;
-      },
-      [](wire::Writer&, bool) {}, [](std::span<const std::byte>) { return true; });
-  if (is_first(link))
-    return;
-  SurfaceMesh rows; // as much of it as the exchange of this rank's rows depends on
-  rows.dim = link.surface.dim;
-  rows.epoch = link.surface.epoch;
-  rows.node_id = link.surface.node_id;
-  rows.owner.assign(rows.node_id.size(), static_cast<std::int32_t>(link.team->rank()));
-  send(rows);
-}
-
 Report report_of(const undine_link& link, const undine_report& r)
 {
   Report report;
@@ -361,54 +117,6 @@ Report report_of(const undine_link& link, const undine_report& r)
   report.surface_changed = r.surface_changed != 0;
   report.wait_seconds = link.conversation->wait_seconds();
   return report;
-}
-
-/// The next order that concerns the solver, on all ranks.
-SolverLink::Order next_order(undine_link& link, SolverLink& talk)
-{
-  enum : std::uint8_t
-  {
-    end,
-    window,
-    checkpoint
-  };
-  const auto order = told(
-      link,
-      [&]
-      {
-        auto next = talk.next_order();
-        while (!link.offers_checkpoints && std::holds_alternative<CheckpointOrder>(next))
-        {
-          talk.send_checkpoint_done({.reason = "this solver writes no checkpoints"});
-          next = talk.next_order();
-        }
-        return next;
-      },
-      [](wire::Writer& out, const SolverLink::Order& next)
-      {
-        out.u8(static_cast<std::uint8_t>(next.index())); // the order of the variant's types is that above
-        if (const auto* w = std::get_if<Window>(&next))
-          wire::write(out, *w);
-        if (const auto* c = std::get_if<CheckpointOrder>(&next))
-          wire::write(out, *c);
-      },
-      [](std::span<const std::byte> bytes) -> SolverLink::Order
-      {
-        const auto kind = std::to_integer<std::uint8_t>(bytes[0]);
-        const wire::Reader in(bytes.subspan(1), "the order");
-        if (kind == window)
-          return wire::read_window(in);
-        if (kind == checkpoint)
-          return wire::read_checkpoint_order(in);
-        return {};
-      });
-  if (is_first(link))
-    return order;
-  if (const auto* next = std::get_if<Window>(&order))
-    talk.hear(*next);
-  else if (std::holds_alternative<std::monostate>(order))
-    talk.hear_end();
-  return order;
 }
 
 /// Hand-shake of either level.
@@ -511,17 +219,11 @@ extern "C"
 
   int undine_receive_setup(undine_link* link, undine_setup* setup)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_receive_setup",
+                   [&](SolverLink&)
                    {
-                     auto& talk = conversation(link, "undine_receive_setup");
                      require(setup != nullptr, "undine_receive_setup: setup is NULL");
-                     link->setup = told(
-                         *link, [&] { return talk.receive_setup(); }, write_content,
-                         [](std::span<const std::byte> bytes)
-                         { return wire::read_setup(wire::Reader(bytes, "SETUP")); });
-                     if (!is_first(*link))
-                       talk.hear(link->setup);
+                     link->setup = receive_setup(*link);
                      link->has_setup = true;
                      if (!link->setup.restart.empty() && !link->offers_checkpoints)
                        throw ProtocolError(code::bad_case, "the run continues from " + link->setup.restart +
@@ -549,17 +251,11 @@ extern "C"
 
   int undine_receive_surface(undine_link* link, undine_surface* surface)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_receive_surface",
+                   [&](SolverLink&)
                    {
-                     auto& talk = conversation(link, "undine_receive_surface");
                      require(surface != nullptr, "undine_receive_surface: surface is NULL");
-                     link->partner_surface = told(
-                         *link, [&] { return talk.receive_surface(); }, write_content,
-                         [](std::span<const std::byte> bytes)
-                         { return wire::read_surface_mesh(wire::Reader(bytes, "SURFACE")); });
-                     if (!is_first(*link))
-                       talk.hear(link->partner_surface);
+                     link->partner_surface = receive_surface(*link);
                      const auto& s = link->partner_surface;
                      *surface = {.n_nodes = s.n_nodes(),
                                  .n_faces = s.n_faces(),
@@ -572,10 +268,9 @@ extern "C"
   int undine_set_nodes(undine_link* link, int64_t n, const int64_t* node_id, const double* x,
                        const double* mass, const int32_t* fixed)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_set_nodes",
+                   [&](SolverLink&)
                    {
-                     conversation(link, "undine_set_nodes");
                      require(mass != nullptr || n == 0, "undine_set_nodes: mass is NULL");
                      for (int64_t k = 0; k < n; ++k)
                        require(mass[k] > 0.0, "undine_set_nodes: mass[" + std::to_string(k) +
@@ -592,10 +287,9 @@ extern "C"
   int undine_set_nodes_with_matrix(undine_link* link, int64_t n, const int64_t* node_id, const double* x,
                                    const double* inverse_mass)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_set_nodes_with_matrix",
+                   [&](SolverLink&)
                    {
-                     conversation(link, "undine_set_nodes_with_matrix");
                      require(inverse_mass != nullptr || n == 0,
                              "undine_set_nodes_with_matrix: inverse_mass is NULL");
                      begin_surface(*link, n, node_id, x);
@@ -607,10 +301,9 @@ extern "C"
   int undine_add_faces(undine_link* link, const char* interface_name, int64_t n_faces, int32_t nodes_per_face,
                        const int32_t* face_nodes)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_add_faces",
+                   [&](SolverLink&)
                    {
-                     conversation(link, "undine_add_faces");
                      require_faces("undine_add_faces", interface_name, face_nodes, n_faces, nodes_per_face);
                      auto& surface = link->surface;
                      const auto interface = interface_index(*link, interface_name, "undine_add_faces");
@@ -626,58 +319,37 @@ extern "C"
                          link->face_ids.push_back(surface.node_id[static_cast<std::size_t>(face_nodes[k])]);
                      else
                        surface.face_nodes.insert(surface.face_nodes.end(), face_nodes, face_nodes + size);
-                     for (int64_t f = 0; f < n_faces; ++f)
-                     {
-                       surface.face_offset.push_back(surface.face_offset.back() + nodes_per_face);
-                       surface.face_interface.push_back(interface);
-                     }
+                     append_faces(*link, interface, n_faces, nodes_per_face);
                    });
   }
 
   int undine_add_faces_by_id(undine_link* link, const char* interface_name, int64_t n_faces,
                              int32_t nodes_per_face, const int64_t* node_ids)
   {
-    return guarded(
-        link,
-        [&]
+    return talking(
+        link, "undine_add_faces_by_id",
+        [&](SolverLink&)
         {
-          conversation(link, "undine_add_faces_by_id");
           require(link->team.has_value(),
                   "undine_add_faces_by_id is for ranks after undine_distribute; undine_add_faces "
                   "takes positions");
           require_faces("undine_add_faces_by_id", interface_name, node_ids, n_faces, nodes_per_face);
           const auto interface = interface_index(*link, interface_name, "undine_add_faces_by_id");
           link->face_ids.insert(link->face_ids.end(), node_ids, node_ids + n_faces * nodes_per_face);
-          for (int64_t f = 0; f < n_faces; ++f)
-          {
-            link->surface.face_offset.push_back(link->surface.face_offset.back() + nodes_per_face);
-            link->surface.face_interface.push_back(interface);
-          }
+          append_faces(*link, interface, n_faces, nodes_per_face);
         });
   }
 
   int undine_send_surface(undine_link* link)
   {
-    return guarded(link,
-                   [&]
-                   {
-                     auto& talk = conversation(link, "undine_send_surface");
-                     if (link->team)
-                       send_joined_surface(*link);
-                     else if (link->surface_was_sent)
-                       talk.send_mesh_update(link->surface);
-                     else
-                       talk.send_mesh(link->surface);
-                     link->surface_was_sent = true;
-                   });
+    return talking(link, "undine_send_surface", [link](SolverLink&) { send_surface(*link); });
   }
 
   int undine_send_report(undine_link* link, const undine_report* report)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_send_report",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_send_report");
                      require(report != nullptr, "undine_send_report: report is NULL");
                      require(report->stable_dt > 0.0,
                              "undine_send_report: stable_dt = " + std::to_string(report->stable_dt) +
@@ -688,10 +360,9 @@ extern "C"
 
   int undine_offer_checkpoints(undine_link* link)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_offer_checkpoints",
+                   [&](SolverLink&)
                    {
-                     conversation(link, "undine_offer_checkpoints");
                      require(!link->has_setup, "undine_offer_checkpoints comes before undine_receive_setup");
                      link->offers_checkpoints = true;
                    });
@@ -709,15 +380,14 @@ extern "C"
 
   int undine_checkpoint_done(undine_link* link, const char* file_name, const char* reason)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_checkpoint_done",
+                   [&](SolverLink& talk)
                    {
                      CheckpointDone done{.written = file_name != nullptr};
                      if (file_name != nullptr)
                        done.files = {file_name};
                      else
                        done.reason = reason != nullptr ? reason : "no reason given";
-                     auto& talk = conversation(link, "undine_checkpoint_done");
                      if (is_first(*link))
                        talk.send_checkpoint_done(done);
                    });
@@ -726,12 +396,11 @@ extern "C"
   int undine_next_window(undine_link* link, undine_window* window)
   {
     int ended = UNDINE_OK;
-    const int code = guarded(link,
-                             [&]
+    const int code = talking(link, "undine_next_window",
+                             [&](SolverLink&)
                              {
-                               auto& talk = conversation(link, "undine_next_window");
                                require(window != nullptr, "undine_next_window: window is NULL");
-                               const auto order = next_order(*link, talk);
+                               const auto order = next_order(*link);
                                if (const auto* checkpoint = std::get_if<CheckpointOrder>(&order))
                                {
                                  link->checkpoint = *checkpoint;
@@ -756,10 +425,9 @@ extern "C"
 
   int undine_send_kinematics(undine_link* link, const double* v, const double* a_free)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_send_kinematics",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_send_kinematics");
                      const auto velocity = in_link_order(*link, v, "v", link->rows),
                                 acceleration = in_link_order(*link, a_free, "a_free", link->more_rows);
                      talk.send_kinematics({.v = {velocity.begin(), velocity.end()},
@@ -769,10 +437,9 @@ extern "C"
 
   int undine_receive_activation(undine_link* link, double* impulse, double* link_force)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_receive_activation",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_receive_activation");
                      const auto p = vector(*link, impulse, "impulse"),
                                 f = vector(*link, link_force, "link_force");
                      const Activation start = talk.receive_activation();
@@ -783,20 +450,16 @@ extern "C"
 
   int undine_send_free_velocity(undine_link* link, const double* v_free)
   {
-    return guarded(link,
-                   [&]
-                   {
-                     auto& talk = conversation(link, "undine_send_free_velocity");
-                     talk.send_free_velocity(in_link_order(*link, v_free, "v_free", link->rows));
-                   });
+    return talking(link, "undine_send_free_velocity",
+                   [&](SolverLink& talk)
+                   { talk.send_free_velocity(in_link_order(*link, v_free, "v_free", link->rows)); });
   }
 
   int undine_receive_link_force(undine_link* link, double* link_force)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_receive_link_force",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_receive_link_force");
                      const auto f = vector(*link, link_force, "link_force");
                      if (!link->team)
                        return talk.receive_link_force(f);
@@ -814,10 +477,9 @@ extern "C"
 
   int undine_send_motion(undine_link* link, const double* x, const double* v)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_send_motion",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_send_motion");
                      const auto position = in_link_order(*link, x, "x", link->rows),
                                 velocity = in_link_order(*link, v, "v", link->more_rows);
                      talk.send_motion(
@@ -827,10 +489,9 @@ extern "C"
 
   int undine_request_stop(undine_link* link, const char* reason)
   {
-    return guarded(link,
-                   [&]
+    return talking(link, "undine_request_stop",
+                   [&](SolverLink& talk)
                    {
-                     auto& talk = conversation(link, "undine_request_stop");
                      if (is_first(*link))
                        talk.send_stop_request(reason != nullptr ? reason : "no reason given");
                    });
@@ -838,7 +499,7 @@ extern "C"
 
   int undine_ping(undine_link* link)
   {
-    return guarded(link, [&] { conversation(link, "undine_ping").ping(); });
+    return talking(link, "undine_ping", [](SolverLink& talk) { talk.ping(); });
   }
 
   double undine_wait_seconds(const undine_link* link)
