@@ -356,8 +356,11 @@ private:
   bool take_block(SweepOfThread& thread, InFlight& step, index_t may_move);
   void move(SweepOfThread& thread, InFlight& step, index_t end);
   void find_state(InFlight& step, index_t end);
+  bool may_sweep() const;
   void find_reach();
   void find_surroundings();
+  std::span<const index_t> before_elements_here() const;
+  void find_far_halo();
   void find_reach_of_blocks();
   int find_ladders();
   std::vector<Rung> ladder_from(index_t begin, int steps) const;
@@ -427,8 +430,8 @@ private:
   {
     index_t begin = 0, end = 0;
   };
-  /// Nodes of this rank, with their neighbours, with those of these, …: what is needed to go on with the ones
-  /// before. One rank: all nodes.
+  /// From the lowest to the highest number of the nodes of this rank, with their neighbours, with those of
+  /// these, …: what is needed to go on with the ones before. One rank: all nodes.
   std::vector<Range> around_;
   struct Taken
   {
@@ -449,7 +452,7 @@ private:
   std::vector<Taken> taken_;    ///< of a step that so many others follow; one rank: of any
   Range elements_here_;         ///< what a sweep of several steps may take; of others, copies
   Halo far_halo_;               ///< the widest of `around_` without the nodes of this rank
-  bool reach_is_found_ = false; ///< for this mesh; else what stands from `reach_` on is of another one
+  bool reach_is_found_ = false; ///< for this mesh; else `reach_`, `ladders_`, `far_halo_` are of another one
   int sweep_steps_ = 1;         ///< so many at most
   int turned_over_agreed_ = 0;  ///< most of all ranks, when they last agreed
   std::int64_t agreed_at_ = 0;  ///< step

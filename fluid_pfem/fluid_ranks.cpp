@@ -499,8 +499,8 @@ void Fluid<dim>::keep_own_rows()
   give_back_others(v_half_, nodes);
   give_back_others(mass_rate_, nodes);
   give_back_others(exchange_energy_, nodes);
-  auto elements = ranges_of(team_.earlier());
-  elements.push_back({team_.element_begin(), team_.element_end()});
+  auto elements = ranges_of(before_elements_here());
+  elements.push_back({elements_here_.begin, elements_here_.end});
   give_back_others(mesh_.elements, elements);
   give_back_others(quality_, elements);
 }

@@ -89,7 +89,7 @@ void Fluid<dim>::advance(double dt, std::int64_t steps)
 template <int dim>
 int Fluid<dim>::in_one_sweep(std::int64_t steps)
 {
-  if (steps < 2 || dim != 2 || n_wet_ != 0 || !solid_.empty() || !forces_are_local())
+  if (steps < 2 || !may_sweep())
     return 1;
   find_reach();
   const int together = static_cast<int>(std::min<std::int64_t>(steps, sweep_steps_));

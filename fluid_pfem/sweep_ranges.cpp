@@ -22,33 +22,40 @@ index_t round_up(index_t k, index_t unit, index_t n) { return std::min((k + unit
 
 } // namespace
 
+/// Nothing that acts on nodes needs more than their neighbours.
+template <int dim>
+bool Fluid<dim>::may_sweep() const
+{
+  return dim == 2 && n_wet_ == 0 && solid_.empty() && forces_are_local();
+}
+
 /// Of this mesh, if it is not found yet. Collective.
 template <int dim>
 void Fluid<dim>::find_reach()
 {
-  if (reach_is_found_)
+  if (reach_is_found_ || sweep_steps_ < 2)
     return;
   reach_is_found_ = true;
-  sweep_steps_ = most_steps;
-  elements_here_ = {0, mesh_.n_elements()};
-  around_.assign(1, {0, nodes_.size()});
-  taken_.assign(1, {.elements = elements_here_, .inner = elements_here_});
   if (!ranks().alone())
-    find_surroundings();
-  if (sweep_steps_ < 2)
-    return;
+    find_far_halo();
   find_reach_of_blocks();
   if (team_.threads() > 1)
     sweep_steps_ = most_steps - static_cast<int>(ranks().max(most_steps - find_ladders()));
 }
 
-/// What this rank needs of others for a sweep. Collective.
+/// Of a new mesh, what this rank needs of others for a sweep, and of how many steps one may be. Collective.
 template <int dim>
 void Fluid<dim>::find_surroundings()
 {
+  const Range own{team_.node_begin(), team_.node_end()}, mine{team_.element_begin(), team_.element_end()};
+  elements_here_ = mine;
+  around_.assign(1, own);
+  taken_.assign(1, {.elements = mine, .inner = mine});
+  sweep_steps_ = may_sweep() && ranks().alone() ? most_steps : 1;
+  if (!may_sweep() || ranks().alone())
+    return;
   const auto first = team_.nodes_of_ranks();
   const int me = ranks().rank();
-  const Range own{team_.node_begin(), team_.node_end()};
   const auto apart = static_cast<index_t>(ranks().max(static_cast<double>(widest<dim>(own_elements()))));
   constexpr index_t layers = 2 * most_steps_of_several;
   const auto near = [&](int r) -> Range // rank r, for sure
@@ -57,7 +64,6 @@ void Fluid<dim>::find_surroundings()
             std::min(first[static_cast<std::size_t>(r) + 1] + layers * apart, nodes_.size())};
   };
   const bool small = own.end - own.begin <= layers * apart; // what is near may be more than the whole
-  sweep_steps_ = 1;
   if (ranks().max(small ? 1.0 : 0.0) > 0.0)
     return;
 
@@ -74,7 +80,6 @@ void Fluid<dim>::find_surroundings()
                                                 static_cast<std::size_t>(among.end - among.begin)),
                                    n);
   };
-  const Range mine{team_.element_begin(), team_.element_end()};
   std::vector<std::vector<Numbered>> to(static_cast<std::size_t>(ranks().size()));
   for (int r = 0; r < ranks().size(); ++r)
     if (r != me)
@@ -84,7 +89,6 @@ void Fluid<dim>::find_surroundings()
       for (index_t e = elements_from(nodes.begin, mine); e < end; ++e)
         to[static_cast<std::size_t>(r)].push_back({e, mesh_.elements[static_cast<std::size_t>(e)]});
     }
-  elements_here_ = mine;
   for (const auto& part : ranks().exchange(std::move(to)))
     for (const Numbered& e : part)
     {
@@ -92,28 +96,37 @@ void Fluid<dim>::find_surroundings()
       elements_here_ = {std::min(elements_here_.begin, e.number), std::max(elements_here_.end, e.number + 1)};
     }
 
+  // A layer shares elements with the layer before; the first has all corners of this rank's elements too.
+  // What is in no layer, between the lowest and the highest number of all layers so far, is computed from
+  // incomplete neighbours, and nobody reads it.
+  const Range known = near(me);
+  std::vector<int> layer_of(static_cast<std::size_t>(known.end - known.begin), -1);
+  const auto layer = [&](index_t n) -> int& { return layer_of[static_cast<std::size_t>(n - known.begin)]; };
+  std::fill(&layer(own.begin), &layer(own.end - 1) + 1, 0);
   around_.assign(1, own);
-  for (index_t k = 0; k < layers; ++k)
+  for (int k = 1; k <= layers; ++k)
   {
-    Range wider = around_.back();
-    for (index_t e = elements_from(wider.begin - apart, elements_here_),
-                 end = elements_from(wider.begin, elements_here_);
-         e < end; ++e)
+    const Range inside = around_.back();
+    Range wider = inside;
+    const auto widen = [&](index_t begin, index_t end)
     {
-      const auto& nodes = mesh_.elements[static_cast<std::size_t>(e)];
-      if (*std::max_element(nodes.begin(), nodes.end()) >= around_.back().begin)
+      for (index_t e = begin; e < end; ++e)
       {
-        wider.begin = nodes[0]; // sorted: the lowest
-        break;
+        const auto& nodes = mesh_.elements[static_cast<std::size_t>(e)];
+        if ((e < mine.begin || e >= mine.end) &&
+            std::none_of(nodes.begin(), nodes.end(), [&](index_t n) { return layer(n) == k - 1; }))
+          continue;
+        for (const index_t n : nodes)
+          if (layer(n) < 0)
+          {
+            layer(n) = k;
+            wider = {std::min(wider.begin, n), std::max(wider.end, n + 1)};
+          }
       }
-    }
-    for (index_t e = elements_from(around_.back().end - apart, elements_here_),
-                 end = std::max(elements_from(around_.back().end, elements_here_), mine.end);
-         e < end; ++e)
-    {
-      const auto& nodes = mesh_.elements[static_cast<std::size_t>(e)];
-      wider.end = std::max(wider.end, *std::max_element(nodes.begin(), nodes.end()) + 1);
-    }
+    };
+    widen(elements_from(inside.begin - apart, elements_here_), elements_from(own.begin, elements_here_));
+    widen(elements_from(own.end - apart, elements_here_),
+          std::max(elements_from(inside.end, elements_here_), mine.end));
     around_.push_back(wider);
   }
   taken_.clear();
@@ -131,15 +144,27 @@ void Fluid<dim>::find_surroundings()
   while (sweep_steps_ > 1 && others(sweep_steps_) > worth * static_cast<double>(own.end - own.begin))
     --sweep_steps_;
   sweep_steps_ = most_steps_of_several - static_cast<int>(ranks().max(most_steps_of_several - sweep_steps_));
-  if (sweep_steps_ < 2)
-    return;
-  const Range widest_range = around_[static_cast<std::size_t>(2 * sweep_steps_)];
+  if (sweep_steps_ > 1)
+    return around_.resize(static_cast<std::size_t>(2 * sweep_steps_ + 1));
+  around_.resize(1);
+  elements_here_ = mine;
+}
 
-  auto boundary = std::move(mesh_.boundary); // of all ranks
-  const Range known = near(me);
-  find_fans<dim>(mesh_, known.begin, known.end, {}, elements_here_.begin, elements_here_.end);
-  mesh_.boundary = std::move(boundary);
+/// Elements that touch this rank's nodes, but come before those that lie here in one piece.
+template <int dim>
+std::span<const index_t> Fluid<dim>::before_elements_here() const
+{
+  const auto& earlier = team_.earlier();
+  return {earlier.begin(), std::lower_bound(earlier.begin(), earlier.end(), elements_here_.begin)};
+}
 
+/// Who gets which nodes of others before a sweep. Collective.
+template <int dim>
+void Fluid<dim>::find_far_halo()
+{
+  const auto first = team_.nodes_of_ranks();
+  const int me = ranks().rank();
+  const Range widest_range = around_.back();
   const std::vector<Range> wanted = ranks().gather(std::vector{widest_range});
   const auto common = [&](const Range& nodes, int of)
   {

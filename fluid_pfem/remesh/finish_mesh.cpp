@@ -16,8 +16,13 @@ template <int dim>
 void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
 {
   share_elements(sorted_elements<dim>(std::move(elements)));
-  find_fans<dim>(mesh_, team_.node_begin(), team_.node_end(), team_.earlier(), team_.element_begin(),
-                 team_.element_end());
+  find_surroundings();
+  const Range nodes = around_.back();
+  find_fans<dim>(mesh_,
+                 nodes.begin < team_.node_begin() ? nodes.begin / Lanes::size * Lanes::size : nodes.begin,
+                 nodes.end, before_elements_here(), elements_here_.begin, elements_here_.end);
+  if constexpr (dim == 2)
+    std::erase_if(mesh_.boundary, [this](const Facet<dim>& facet) { return !team_.owns(facet[0]); });
   if (!ranks().alone())
     mesh_.boundary = ranks().gather(mesh_.boundary);
   find_ghosts();

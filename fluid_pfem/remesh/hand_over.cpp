@@ -589,7 +589,9 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     if constexpr (dim == 2)
     {
       const index_t end = std::min(share.node_end, mesh_.end_with_fan());
-      for (std::size_t group = group_of(share.node_begin + Lanes::size - 1); first_of(group) < end; ++group)
+      const bool first = team_.number(share) == 0; // else a group in two shares is of the one before
+      for (std::size_t group = group_of(share.node_begin + (first ? 0 : Lanes::size - 1));
+           first_of(group) < end; ++group)
         find_edge_shares(ring_of(group), first_of(group), mesh_.end_with_fan() - 1, rows,
                          edge_share.data() + mesh_.rings.begin[group]);
     }
