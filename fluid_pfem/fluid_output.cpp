@@ -57,17 +57,25 @@ Vec<dim> gravity_of(const Fluid<dim>& fluid)
   return g;
 }
 
+/// Largest value(n) of the nodes n of all ranks that have one. Collective.
+template <int dim, class Value>
+double largest(const Fluid<dim>& fluid, Value&& value)
+{
+  double most = std::numeric_limits<double>::lowest();
+  const auto [begin, end] = fluid.node_range();
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+    most = std::max(most, value(n));
+  return fluid.ranks().max(most);
+}
+
 /// Largest −g·x.
 template <int dim>
 double highest_potential(const Fluid<dim>& fluid)
 {
-  double highest = std::numeric_limits<double>::lowest();
-  for (const auto& x : fluid.nodes().x)
-    highest = std::max(highest, -dot(gravity_of(fluid), x));
-  return highest;
+  return largest(fluid, [&](std::size_t n) { return -dot(gravity_of(fluid), fluid.nodes().x[n]); });
 }
 
-/// ‖p − p(rest)‖ / ‖p(rest)‖, nodes weighted with their volumes.
+/// ‖p − p(rest)‖ / ‖p(rest)‖, nodes weighted with their volumes; of what was collected.
 template <int dim>
 double hydrostatic_error(const Fluid<dim>& fluid, double highest)
 {
@@ -85,29 +93,34 @@ double hydrostatic_error(const Fluid<dim>& fluid, double highest)
 }
 
 /// Highest boundary facet above the point's horizontal position; in space the nearest boundary node within
-/// one spacing.
+/// one spacing. Each rank looks at its nodes. Collective.
 template <int dim>
 double elevation(const Fluid<dim>& fluid, const std::vector<double>& point)
 {
   const auto& x = fluid.nodes().x;
+  const auto [begin, end] = fluid.node_range();
   double highest = std::numeric_limits<double>::lowest();
   for (const auto& facet : fluid.mesh().boundary)
-    if constexpr (dim == 2)
+    for (const index_t n : facet)
     {
-      const auto& period = fluid.nodes().period;
-      const Vec<2> a = period.near(as_point<2>(point), x[static_cast<std::size_t>(facet[0])]),
-                   b = period.near(a, x[static_cast<std::size_t>(facet[1])]);
-      if ((a[0] - point[0]) * (b[0] - point[0]) <= 0.0 && a[0] != b[0])
-        highest = std::max(highest, a[1] + (point[0] - a[0]) / (b[0] - a[0]) * (b[1] - a[1]));
-      else if (a[0] == point[0])
-        highest = std::max(highest, a[1]);
+      if (n < begin || n >= end)
+        continue;
+      if constexpr (dim == 2)
+      {
+        const auto& period = fluid.nodes().period;
+        const Vec<2> a = period.near(as_point<2>(point), x[static_cast<std::size_t>(facet[0])]),
+                     b = period.near(a, x[static_cast<std::size_t>(facet[1])]);
+        if ((a[0] - point[0]) * (b[0] - point[0]) <= 0.0 && a[0] != b[0])
+          highest = std::max(highest, a[1] + (point[0] - a[0]) / (b[0] - a[0]) * (b[1] - a[1]));
+        else if (a[0] == point[0])
+          highest = std::max(highest, a[1]);
+        break; // the facet has been looked at
+      }
+      else if (const auto& p = x[static_cast<std::size_t>(n)];
+               std::hypot(p[0] - point[0], p[2] - point[2]) < fluid.config().element_size)
+        highest = std::max(highest, p[1]);
     }
-    else
-      for (const index_t n : facet)
-        if (const auto& p = x[static_cast<std::size_t>(n)];
-            std::hypot(p[0] - point[0], p[2] - point[2]) < fluid.config().element_size)
-          highest = std::max(highest, p[1]);
-  return highest;
+  return fluid.ranks().max(highest);
 }
 
 } // namespace
@@ -228,17 +241,25 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
               : " (one step)");
     else
     {
-      std::size_t nearest = 0;
-      double shortest = std::numeric_limits<double>::infinity();
-      for (std::size_t n = 0; n < nodes.x.size(); ++n)
-        if (const double d = norm(nodes.x[n] - as_point<dim>(probe.point)); d < shortest)
-        {
-          shortest = d;
-          nearest = n;
-        }
-      result.id.push_back(nodes.id[nearest]);
-      definition = fmt::format("fluid node {} that started at ({:.6g}) m", nodes.id[nearest],
-                               fmt::join(nodes.x[nearest].c, ", "));
+      struct Place
+      {
+        double distance;
+        global_index_t id;
+        Vec<dim> x;
+      };
+      std::vector<Place> nearest;
+      const auto [begin, end] = fluid.node_range();
+      for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+        if (const double d = norm(nodes.x[n] - as_point<dim>(probe.point));
+            nearest.empty() || d < nearest.front().distance)
+          nearest = {{d, nodes.id[n], nodes.x[n]}};
+      nearest = fluid.ranks().gather(nearest);
+      const Place& place =
+          *std::min_element(nearest.begin(), nearest.end(),
+                            [](const Place& a, const Place& b) { return a.distance < b.distance; });
+      result.id.push_back(place.id);
+      definition =
+          fmt::format("fluid node {} that started at ({:.6g}) m", place.id, fmt::join(place.x.c, ", "));
     }
   }
   if (!probe.point.empty())
@@ -257,12 +278,11 @@ void FluidOutput<dim>::observe(double t, Fluid<dim>& fluid, bool frame)
     next_sample_ += config_.history_interval / samples_per_row;
   while (by_interval && next_row_ <= t)
     next_row_ += config_.history_interval;
-  if (row || (sample && has_gauges()))
+  const bool writes_frame = frame && config_.frames;
+  if ((writes_frame && fluid.nodes().period.any()) || (row && needs_all_rows()))
     fluid.collect();
-  if (frame && config_.frames)
+  if (writes_frame)
     write_frame(t, fluid);
-  if (!writes_)
-    return;
   if (sample)
     sample_gauges(t, fluid);
   if (row)
@@ -273,6 +293,17 @@ template <int dim>
 bool FluidOutput<dim>::has_gauges() const
 {
   return std::any_of(probes_.begin(), probes_.end(), [](const Probe& p) { return p.is_gauge(); });
+}
+
+/// A sum over all nodes, in their order.
+template <int dim>
+bool FluidOutput<dim>::needs_all_rows() const
+{
+  return std::any_of(probes_.begin(), probes_.end(),
+                     [](const Probe& p) {
+                       return p.config.fields.front() == "angular_momentum" ||
+                              p.config.fields.front() == "hydrostatic_error";
+                     });
 }
 
 template <int dim>
@@ -385,16 +416,20 @@ void FluidOutput<dim>::write_frame(double t, const Fluid<dim>& fluid)
 template <int dim>
 void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
 {
+  const auto write = [&](History& history, const std::vector<double>& row)
+  {
+    if (writes_)
+      history.write(t, row);
+  };
   const FluidEnergy e = fluid.energy();
-  energy_.write(t, {e.kinetic, e.internal, e.potential, e.dissipated, e.exchanged, e.remesh_gain,
-                    e.remesh_loss, e.wall_work, e.interface_work, e.openings});
-  const auto& nodes = fluid.nodes();
+  write(energy_, {e.kinetic, e.internal, e.potential, e.dissipated, e.exchanged, e.remesh_gain, e.remesh_loss,
+                  e.wall_work, e.interface_work, e.openings});
   const FluidMass m = fluid.mass_by_state();
   const RemeshLedger& r = fluid.ledger();
-  mass_.write(t, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume,
-                  m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created, r.dropped,
-                  static_cast<double>(nodes.size()), static_cast<double>(r.merged),
-                  static_cast<double>(r.split), static_cast<double>(r.remeshes), m.inflow, m.outflow});
+  write(mass_, {m.meshed, m.flying, m.deleted, m.dynamic, m.volume,
+                m.meshed > 0.0 ? rho0_ * m.volume / m.meshed - 1.0 : 0.0, r.created, r.dropped,
+                static_cast<double>(fluid.nodes().size()), static_cast<double>(r.merged),
+                static_cast<double>(r.split), static_cast<double>(r.remeshes), m.inflow, m.outflow});
   for (Probe& probe : probes_)
   {
     std::vector<double> row = measure(probe, t, fluid);
@@ -402,7 +437,7 @@ void FluidOutput<dim>::write_rows(double t, const Fluid<dim>& fluid)
       row[k] = probe.sum[k] / probe.samples;
     probe.sum.clear();
     probe.samples = 0;
-    probe.history->write(t, row);
+    write(*probe.history, row);
   }
 }
 
@@ -412,7 +447,7 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
   const auto& nodes = fluid.nodes();
   if (probe.wall >= 0)
   {
-    const Vec<dim> impulse = fluid.walls().impulse()[static_cast<std::size_t>(probe.wall)],
+    const Vec<dim> impulse = fluid.walls().impulse(fluid.ranks())[static_cast<std::size_t>(probe.wall)],
                    since = impulse - probe.last_impulse;
     std::vector<double> force(dim, 0.0);
     for (int i = 0; i < dim && t > probe.last_t; ++i)
@@ -422,13 +457,9 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
     return force;
   }
   if (probe.config.fields.front() == "front")
-  {
-    double front = std::numeric_limits<double>::lowest();
-    for (std::size_t n = 0; n < nodes.x.size(); ++n)
-      if (!(nodes.flag[n] & isolated_node))
-        front = std::max(front, nodes.x[n][0]);
-    return {front};
-  }
+    return {largest(
+        fluid, [&nodes](std::size_t n)
+        { return nodes.flag[n] & isolated_node ? std::numeric_limits<double>::lowest() : nodes.x[n][0]; })};
   if (probe.config.fields.front() == "angular_momentum")
   {
     double L = 0.0;
@@ -453,24 +484,26 @@ std::vector<double> FluidOutput<dim>::measure(Probe& probe, double t, const Flui
                   as_point<dim>(probe.config.point)) <= probe.config.radius;
     return std::binary_search(probe.id.begin(), probe.id.end(), nodes.id[n]);
   };
+  struct Sample
+  {
+    Vec<dim> x, v;
+    double p;
+  };
+  std::vector<Sample> samples;
+  const auto [begin, end] = fluid.node_range();
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+    if (chosen(n))
+      samples.push_back({nodes.x[n], nodes.v[n], nodes.p[n]});
+  samples = fluid.ranks().gather(samples); // in the order of the nodes
   std::vector<double> row;
   for (const auto& field : probe.config.fields)
-  {
-    std::vector<double> sum(field == "p" ? 1 : dim, 0.0);
-    int count = 0;
-    for (std::size_t n = 0; n < nodes.x.size(); ++n)
+    for (int i = 0; i < (field == "p" ? 1 : dim); ++i)
     {
-      if (!chosen(n))
-        continue;
-      ++count;
-      for (std::size_t i = 0; i < sum.size(); ++i)
-        sum[i] += field == "p"   ? nodes.p[n]
-                  : field == "x" ? nodes.x[n][static_cast<int>(i)]
-                                 : nodes.v[n][static_cast<int>(i)];
+      double sum = 0.0;
+      for (const Sample& s : samples)
+        sum += field == "p" ? s.p : field == "x" ? s.x[i] : s.v[i];
+      row.push_back(samples.empty() ? 0.0 : sum / static_cast<double>(samples.size()));
     }
-    for (const double s : sum)
-      row.push_back(count > 0 ? s / count : 0.0);
-  }
   return row;
 }
 

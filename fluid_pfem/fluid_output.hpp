@@ -30,7 +30,7 @@ public:
   void observe(double t, Fluid<dim>& fluid, bool frame);
   /// Time from which on the next row is due, or the next sample of a gauge [s].
   double next() const;
-  /// Of what was collected, on rank 0.
+  /// Each rank its part; across the ends of a period of what was collected.
   void write_frame(double t, const Fluid<dim>& fluid);
   void for_each_state(StateArchive& archive);
 
@@ -62,6 +62,7 @@ private:
   Probe make_probe(const ProbeConfig& probe, const Fluid<dim>& fluid) const;
   std::vector<double> measure(Probe& probe, double t, const Fluid<dim>& fluid) const;
   bool has_gauges() const;
+  bool needs_all_rows() const;
   void sample_gauges(double t, const Fluid<dim>& fluid);
   void write_rows(double t, const Fluid<dim>& fluid);
 

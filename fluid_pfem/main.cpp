@@ -104,7 +104,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
       throw last_state(failure);
     }
 
-  fluid.collect();
+  const double drift = fluid.mass() / mass - 1.0;
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   const std::vector<RankTime> times = split.of_ranks(wait);
   if (!first)
@@ -120,7 +120,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   summary.set("fluid.ns_per_node_step",
               1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
   summary.set("fluid.remeshes", fluid.remeshes());
-  summary.set("fluid.mass_drift", fluid.mass() / mass - 1.0);
+  summary.set("fluid.mass_drift", drift);
   if (!ranks.alone())
     write(summary, "fluid.", times);
   summary.write(launch.output.dir + "/fluid.json");

@@ -646,12 +646,18 @@ std::array<int, 3> Walls<dim>::pieces_at(const Vec<dim>& x, double tolerance) co
 }
 
 template <int dim>
-std::vector<Vec<dim>> Walls<dim>::impulse() const
+std::vector<Vec<dim>> Walls<dim>::impulse(const Ranks& ranks) const
 {
-  std::vector<Vec<dim>> values(reaction_.impulse.size());
+  auto of_all = reaction_.impulse;
+  std::vector<ExactSum*> sums;
+  for (auto& wall : of_all)
+    for (ExactSum& component : wall)
+      sums.push_back(&component);
+  ranks.sum(sums);
+  std::vector<Vec<dim>> values(of_all.size());
   for (std::size_t w = 0; w < values.size(); ++w)
     for (std::size_t i = 0; i < dim; ++i)
-      values[w].c[i] = reaction_.impulse[w][i].value();
+      values[w].c[i] = of_all[w][i].value();
   return values;
 }
 

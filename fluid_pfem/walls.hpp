@@ -7,7 +7,7 @@
 #pragma once
 
 #include "common/config/expression.hpp"
-#include "common/parallel/exact_sum.hpp"
+#include "common/parallel/ranks.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 
@@ -205,9 +205,10 @@ public:
   /// Part of `w` that points into walls which `x` lies on, within `tolerance` [m].
   Vec<dim> into_walls(const Vec<dim>& x, double tolerance, const Vec<dim>& w) const;
 
-  /// Work of contact on the fluid [J] and impulse on each wall [N s] since the start: sums without an order.
+  /// Work of contact on the fluid [J] and impulse on each wall [N s] since the start: sums without an order,
+  /// the second over all ranks. Collective.
   const ExactSum& work() const { return reaction_.work; }
-  std::vector<Vec<dim>> impulse() const;
+  std::vector<Vec<dim>> impulse(const Ranks& ranks = {}) const;
   /// All sums, to be added up over ranks.
   std::vector<ExactSum*> sums();
   template <class Archive>
