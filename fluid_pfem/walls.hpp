@@ -6,89 +6,21 @@
 // is the half-step multiplier of the coupling with a wall of infinite mass.
 #pragma once
 
-#include "common/config/expression.hpp"
 #include "common/parallel/ranks.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
+#include "fluid_pfem/wall_geometry.hpp"
+#include "fluid_pfem/wall_piece.hpp"
 
 #include <algorithm>
+#include <array>
 #include <functional>
-#include <optional>
+#include <limits>
 #include <span>
-#include <string>
 #include <vector>
 
 namespace undine::fluid
 {
-
-/// Rigid motion of a wall: turn by angle(t) about `centre`, then shift by displacement(t). Without formulas
-/// it stands still.
-struct WallMotion
-{
-  std::vector<Expression> displacement; ///< [m], empty or dim formulas of t
-  std::optional<Expression> angle;      ///< [rad], about the z axis through `centre`
-  std::array<double, 3> centre{};       ///< [m]
-
-  bool moves() const { return !displacement.empty() || angle.has_value(); }
-};
-
-/// What the case says about one wall.
-struct WallGeometry
-{
-  std::string name;
-  std::vector<std::array<double, 3>>
-      points;                     ///< 2-D: a polyline, the fluid on its left when it is walked along [m]
-  bool closed = false;            ///< the last point is joined to the first
-  bool plane = false;             ///< points[0] and `normal` define an unbounded plane
-  std::array<double, 3> normal{}; ///< into the fluid
-  std::vector<std::array<std::array<double, 3>, 3>>
-      facets;               ///< segments (2-D: two corners each) or triangles of a mesh file, as polylines
-  bool box = false;         ///< 3-D: points[0] and points[1] are the lowest and the highest corner of a box
-  bool fluid_inside = true; ///< of the box
-  bool no_slip = false;     ///< a node on the wall moves with it until it is pulled off
-  WallMotion motion;
-};
-
-/// Walls out of the boundary groups of a Gmsh mesh, each a wall of its name: the mesh is that of the room of
-/// the fluid (`fluid_inside`) or of an obstacle in it.
-/// @param dim of the mesh; in space quadrilaterals become triangles
-/// @param group the only one wanted; empty: all
-/// @throws InputError for a file that cannot be read, or without such a group
-std::vector<WallGeometry> walls_of_mesh(const std::string& path, int dim, const std::string& group,
-                                        bool fluid_inside);
-
-/// A plane surface of the domain.
-template <int dim>
-struct PlaneSurface
-{
-  std::string name;
-  Vec<dim> point;
-  Vec<dim> normal; ///< unit, outward
-};
-
-/// A flat piece of a wall at the present time: a segment, a triangle or an unbounded plane.
-template <int dim>
-struct WallPiece
-{
-  std::array<Vec<dim>, dim> corner{}; ///< of a plane only the first counts [m]
-  Vec<dim> n{};                       ///< unit, into the fluid
-  int wall = 0;                       ///< index of the wall it belongs to
-  bool plane = false;
-  int face = -1;                   ///< 3-D: first piece of the flat face this triangle is part of
-  std::array<double, dim> reach{}; ///< how far it extends past its end (2-D: at corner k) or edge (3-D:
-                                   ///< corner k to the next): past a concave one so that nothing slips
-                                   ///< between two pieces, not past a convex one [m]
-  std::array<Vec<dim>, dim> out{}; ///< unit, in its plane: out of it at corner k (2-D) or edge k (3-D)
-
-  /// Set `out` of what is no plane, from corners and n.
-  void find_ends();
-  /// Signed distance to the plane of the piece, positive on the fluid's side [m].
-  double distance(const Vec<dim>& x) const { return dot(x - corner[0], n); }
-  /// How far the projection of x lies outside the piece, its reach included or not; negative inside [m].
-  double overhang(const Vec<dim>& x, bool with_reach) const;
-  /// Distance of x to the piece itself [m].
-  double gap(const Vec<dim>& x) const;
-};
 
 template <int dim>
 class Walls
@@ -240,6 +172,16 @@ private:
     double moved = 0.0; ///< by the fastest corners until then [m]
   };
   void move(double t, const Placement& from, Placement& to) const;
+  /// What a node crosses least in a move; no distance is above `none`: it crosses nothing.
+  struct Crossing
+  {
+    static constexpr double none = std::numeric_limits<double>::lowest();
+    std::size_t piece = 0;
+    double distance = none; ///< at the end [m]
+    double allowed = 0.0;   ///< [m]
+  };
+  Crossing least_crossed(std::span<const Candidate> candidates, const Placement& was, const Placement& now,
+                         const Vec<dim>& x, const Vec<dim>& x_end) const;
   /// Before and after one of the moves of the last move_to().
   const Placement& before(std::size_t move) const { return path_[std::min(move, path_.size() - 2)]; }
   const Placement& after(std::size_t move) const { return path_[std::min(move + 1, path_.size() - 1)]; }
