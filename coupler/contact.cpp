@@ -1,11 +1,11 @@
-// Search and projected Gauss-Seidel solution of the contact of one step.
+// Rows of contact in one step and their solution by projected Gauss-Seidel; where the sides meet:
+// contact_search.cpp, corners: contact_corners.cpp.
 #include "coupler/contact.hpp"
 
 #include "common/error.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace undine::coupler
 {
@@ -15,9 +15,16 @@ std::vector<Vec<dim>> UnilateralContact<dim>::as_points(std::span<const double> 
 {
   std::vector<Vec<dim>> points(values.size() / dim);
   for (std::size_t n = 0; n < points.size(); ++n)
-    for (int i = 0; i < dim; ++i)
-      points[n][i] = values[n * dim + static_cast<std::size_t>(i)];
+    points[n] = row_of(values, static_cast<index_t>(n));
   return points;
+}
+
+template <int dim>
+Vec<dim> UnilateralContact<dim>::row_of(std::span<const double> values, index_t n)
+{
+  Vec<dim> row;
+  std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(n) * dim, dim, row.c.begin());
+  return row;
 }
 
 template <int dim>
@@ -111,70 +118,6 @@ void UnilateralContact<dim>::replace_fluid(const link::SurfaceMesh& fluid)
   find_held();
 }
 
-/// Nodes on a corner whose neighbours on the boundary lie on the sides before and after it.
-template <int dim>
-void UnilateralContact<dim>::find_held()
-{
-  held_.assign(x_.size(), {});
-  if constexpr (dim == 2)
-  {
-    constexpr double same_place = 1e-6, touching = 0.02; // of a facet
-    const double size = before_.facet_size();
-    std::vector<index_t> before(x_.size(), -1), after(x_.size(), -1); // neighbours on the boundary
-    for (const auto& f : faces_)
-    {
-      after[static_cast<std::size_t>(f[0])] = f[1];
-      before[static_cast<std::size_t>(f[1])] = f[0];
-    }
-    for (const auto& corner : before_.convex_corners(side_))
-    {
-      const auto& facet = before_.facets()[static_cast<std::size_t>(corner[0])];
-      const Vec<dim> at = before_.x()[static_cast<std::size_t>(facet[1])];
-      const auto lies_on = [&](index_t node, index_t of_side)
-      {
-        if (node < 0)
-          return false;
-        const Near near = before_.nearest(x_[static_cast<std::size_t>(node)], size);
-        return near.facet >= 0 && std::abs(near.gap) < touching * size &&
-               side_[static_cast<std::size_t>(near.facet)] == side_[static_cast<std::size_t>(of_side)];
-      };
-      for (std::size_t k = 0; k < x_.size(); ++k) // the fluid runs along the solid the other way round
-        if (norm(x_[k] - at) < same_place * size && lies_on(after[k], corner[0]) &&
-            lies_on(before[k], corner[1]))
-          held_[k] = {corner, {before[k], after[k]}};
-    }
-  }
-}
-
-/// Held nodes that the water presses less than what would turn them around the corner slide or leave from the
-/// next step on.
-template <int dim>
-void UnilateralContact<dim>::let_go(double dt, const std::array<std::vector<double>, 2>& v)
-{
-  const auto velocity = [&v](Side side, index_t n)
-  {
-    Vec<dim> w;
-    for (int i = 0; i < dim; ++i)
-      w[i] = v[side][static_cast<std::size_t>(n * dim + i)];
-    return w;
-  };
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    if (Held& held = held_[k]; held.facet[0] >= 0)
-    {
-      Vec<dim> outward{};
-      for (const index_t f : held.facet)
-        outward += after_.normal_of(f);
-      const double pressed = dot(outward, dv_fluid_[k]) / (norm(outward) * dt); // [m/s²]
-      const Vec<dim> V = velocity(Side::solid, after_.facets()[static_cast<std::size_t>(held.facet[0])][1]);
-      double turning = 0.0; // v²/r [m/s²]
-      for (const index_t n : held.neighbour)
-        turning = std::max(turning, norm_squared(velocity(Side::fluid, n) - V) /
-                                        norm(x_[static_cast<std::size_t>(n)] - x_[k]));
-      if (!(pressed > turning))
-        held = {};
-    }
-}
-
 template <int dim>
 void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
 {
@@ -212,120 +155,13 @@ void UnilateralContact<dim>::replace_solid(const link::SurfaceMesh& solid)
   clearance_ = 0.0;
 }
 
-/// Facets that a node can meet before both together have moved by the reach.
+/// The mesh of the solid is where its surface is.
 template <int dim>
-void UnilateralContact<dim>::find_candidates(double travel)
+void UnilateralContact<dim>::show_solid()
 {
-  travelled_ += travel;
-  if (!search_due_ && travelled_ < 0.9 * reach_)
-    return;
-  travelled_ = travel;
-  search_due_ = false;
-  before_.sort_bins();
-  candidates_.clear();
-  candidate_offset_.assign(1, 0);
-  for (const Vec<dim>& x : x_)
-  {
-    before_.within(x, std::max(reach_, 2.0 * travel), candidates_);
-    candidate_offset_.push_back(static_cast<index_t>(candidates_.size()));
-  }
-}
-
-/// Faces of the fluid that lie on one smooth side of the solid, and their mortar projection.
-template <int dim>
-void UnilateralContact<dim>::find_faces(double dt, const std::array<std::vector<double>, 2>& v)
-{
-  constexpr double touching = 0.02, sliding = 0.02; // of a facet
-  for (std::size_t f = 0; f < faces_.size(); ++f)
-  {
-    int side = -1;
-    bool on = true;
-    for (const int k : faces_[f])
-    {
-      const Near& near = near_[static_cast<std::size_t>(k)];
-      on = on && near.facet >= 0 && !near.beside && near.gap < touching * 0.5 * reach_;
-      if (!on)
-        break;
-      const int other = side_[static_cast<std::size_t>(near.facet)];
-      on = side < 0 || side == other;
-      side = other;
-    }
-    active_[f] = on;
-  }
-  const auto nodes_of = [&](auto&& chosen) // of the active faces f with chosen(f)
-  {
-    std::vector<char> nodes(x_.size(), 0);
-    for (std::size_t f = 0; f < faces_.size(); ++f)
-      if (active_[f] && chosen(f))
-        for (const int k : faces_[f])
-          nodes[static_cast<std::size_t>(k)] = 1;
-    return nodes;
-  };
-  const auto touches = [&](const std::vector<char>& nodes)
-  {
-    return [&](std::size_t f)
-    {
-      return std::any_of(faces_[f].begin(), faces_[f].end(),
-                         [&](int k) { return nodes[static_cast<std::size_t>(k)] != 0; });
-    };
-  };
-
-  // Nodes that have slid, and those of faces that have come or gone.
-  const bool first = active_built_.size() != active_.size();
-  std::vector<char> changed = nodes_of([&](std::size_t) { return true; });
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    if (changed[k])
-    {
-      const Near& near = near_[k];
-      const auto& facet = after_.facets()[static_cast<std::size_t>(near.facet)];
-      Vec<dim> w;
-      for (int i = 0; i < dim; ++i)
-      {
-        const auto component = static_cast<std::size_t>(i);
-        w[i] = v[Side::fluid][k * dim + component];
-        for (std::size_t c = 0; c < dim; ++c)
-          w[i] -= near.weight[c] * v[Side::solid][static_cast<std::size_t>(facet[c]) * dim + component];
-      }
-      slid_[k] += dt * norm(w);
-      changed[k] = first || slid_[k] > sliding * 0.5 * reach_;
-    }
-  for (std::size_t f = 0; f < faces_.size() && !first; ++f)
-    if (active_[f] != active_built_[f])
-      for (const int k : faces_[f])
-        changed[static_cast<std::size_t>(k)] = 1;
-  active_built_ = active_;
-  if (std::find(changed.begin(), changed.end(), 1) == changed.end())
-    return;
-
-  // A node changes the normals of its neighbours, and they the rows of theirs. A row needs all faces of its
-  // node, and these all faces of theirs for the normals.
-  std::vector<char> rows = nodes_of(touches(changed));
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    rows[k] = rows[k] || changed[k];
-  const std::vector<char> with_neighbours = nodes_of(touches(rows));
-  const auto needed = touches(with_neighbours);
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    if (rows[k])
-    {
-      mortar_[k].clear();
-      slid_[k] = 0.0;
-    }
-  InterfaceFaces<dim> ours{x_end_, {}}, theirs{after_.x(), {}};
-  for (std::size_t f = 0; f < faces_.size(); ++f)
-    if (active_[f] && needed(f))
-      ours.faces.push_back(faces_[f]);
-  if (ours.faces.empty())
-    return;
-  for (std::size_t f = 0; f + 1 < solid_mesh_.face_offset.size(); ++f)
-    theirs.faces.emplace_back(solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f],
-                              solid_mesh_.face_nodes.begin() + solid_mesh_.face_offset[f + 1]);
-  ++report_.searches;
-  report_.integrated += static_cast<std::int64_t>(ours.faces.size());
-  const auto mortar = integrate_mortar<dim>(ours, theirs, 0.5 * reach_);
-  for (std::size_t a = 0; a < mortar.D.size(); ++a)
-    if (const auto k = static_cast<std::size_t>(mortar.multiplier_node[a]); rows[k])
-      for (const auto& [node, c] : mortar.C[a])
-        mortar_[k].push_back({node, c / mortar.D[a]});
+  for (std::size_t n = 0; n < before_.x().size(); ++n)
+    std::copy(before_.x()[n].c.begin(), before_.x()[n].c.end(),
+              solid_mesh_.x.begin() + static_cast<std::ptrdiff_t>(n) * dim);
 }
 
 /// Row of a node whose weights have just been appended.
@@ -418,19 +254,12 @@ void UnilateralContact<dim>::add_rows_along(const Row& row)
   }
 }
 
+/// Of the active faces at their nodes, weighted by their measure: the fluid's outward normal points into the
+/// solid.
 template <int dim>
-void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<double>, 2>& v)
+void UnilateralContact<dim>::find_normals()
 {
-  weights_.clear();
-  report_.deepest = 0.0;
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    for (int i = 0; i < dim; ++i)
-      x_end_[k][i] = x_[k][i] + dt * v[Side::fluid][k * dim + static_cast<std::size_t>(i)];
-  find_near();
-  find_faces(dt, v);
-
-  std::vector<Vec<dim>>& normal = normal_;
-  normal.assign(x_.size(), {});
+  normal_.assign(x_.size(), {});
   for (std::size_t f = 0; f < faces_.size(); ++f)
     if (active_[f])
     {
@@ -440,10 +269,22 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
         n = right_normal(at(1) - at(0));
       else
         n = cross(at(1) - at(0), at(2) - at(0));
-      for (const int k :
-           faces_[f]) // weighted by the measure; the fluid's outward normal points into the solid
-        normal[static_cast<std::size_t>(k)] -= n;
+      for (const int k : faces_[f])
+        normal_[static_cast<std::size_t>(k)] -= n;
     }
+}
+
+template <int dim>
+void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<double>, 2>& v)
+{
+  weights_.clear();
+  report_.deepest = 0.0;
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    x_end_[k] = x_[k] + dt * row_of(v[Side::fluid], static_cast<index_t>(k));
+  find_near();
+  find_active();
+  integrate_rows(find_changed(dt, v));
+  find_normals();
   for (std::size_t k = 0; k < x_.size(); ++k)
   {
     const Near& near = near_[k];
@@ -457,10 +298,10 @@ void UnilateralContact<dim>::find_rows(double dt, const std::array<std::vector<d
         e[i] = 1.0;
         add_row(static_cast<index_t>(k), e, begin, true);
       }
-    else if (!mortar_[k].empty() && norm_squared(normal[k]) > 0.0)
+    else if (!mortar_[k].empty() && norm_squared(normal_[k]) > 0.0)
     {
       weights_.insert(weights_.end(), mortar_[k].begin(), mortar_[k].end());
-      add_row(static_cast<index_t>(k), (1.0 / norm(normal[k])) * normal[k], first);
+      add_row(static_cast<index_t>(k), (1.0 / norm(normal_[k])) * normal_[k], first);
     }
     else if (near.facet >= 0 && !near.beside)
     {
@@ -523,112 +364,10 @@ void UnilateralContact<dim>::solve(double dt)
   }
 }
 
-/// Where the fluid's nodes at x_end_ meet the solid's surface after_.
+/// Impulses of the rows as forces on both sides, and as what the fluid's nodes move by.
 template <int dim>
-void UnilateralContact<dim>::find_near()
+void UnilateralContact<dim>::give_forces(double dt, std::array<std::vector<double>, 2>& f)
 {
-  for (std::size_t k = 0; k < x_.size(); ++k)
-    near_[k] = after_.nearest(
-        x_end_[k],
-        std::span<const index_t>(candidates_.data() + candidate_offset_[k],
-                                 static_cast<std::size_t>(candidate_offset_[k + 1] - candidate_offset_[k])));
-}
-
-/// How far both sides are from each other as they are.
-template <int dim>
-void UnilateralContact<dim>::look_around()
-{
-  if (!candidates_.empty())
-  {
-    after_.x() = before_.x();
-    x_end_ = x_;
-    find_near();
-  }
-  measure_clearance();
-}
-
-/// Nodes without candidates were further away than the reach at the last search.
-template <int dim>
-void UnilateralContact<dim>::measure_clearance()
-{
-  clearance_ = x_.empty() ? std::numeric_limits<double>::max() : reach_ - travelled_;
-  if (!candidates_.empty())
-    for (const Near& near : near_)
-      if (near.facet >= 0)
-        clearance_ = std::min(clearance_, near.gap);
-}
-
-template <int dim>
-std::int64_t UnilateralContact<dim>::flight() const
-{
-  constexpr double most = 4.0, margin = 0.05; // of a facet: as wide as that of rows
-  const double free = clearance_ - margin * 0.5 * reach_;
-  return free > 0.0 ? static_cast<std::int64_t>(std::clamp(free / (4.0 * travel_of_step_), 1.0, most)) : 1;
-}
-
-template <int dim>
-void UnilateralContact<dim>::fly(double time, std::int64_t steps, const std::array<std::vector<double>, 2>& v)
-{
-  const double travel = fastest_travel(time, v);
-  travel_of_step_ = travel / static_cast<double>(steps);
-  find_candidates(travel);
-  rows_.clear();
-  report_.rows = report_.touching = report_.sweeps = 0;
-  report_.residual_gap = report_.deepest = 0.0;
-  for (std::size_t n = 0; n < x_.size(); ++n)
-    for (int i = 0; i < dim; ++i)
-      x_[n][i] += time * v[Side::fluid][n * dim + static_cast<std::size_t>(i)];
-  for (std::size_t n = 0; n < before_.x().size(); ++n)
-    for (int i = 0; i < dim; ++i)
-    {
-      before_.x()[n][i] += time * v[Side::solid][n * dim + static_cast<std::size_t>(i)];
-      solid_mesh_.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
-    }
-  look_around();
-  balance_.velocity_jump = balance_.displacement_gap = 0.0;
-}
-
-/// Of the fastest nodes of both sides together [m].
-template <int dim>
-double UnilateralContact<dim>::fastest_travel(double time, const std::array<std::vector<double>, 2>& v) const
-{
-  double fastest[2] = {0.0, 0.0};
-  for (const Side s : both_sides)
-    for (std::size_t n = 0; n < v[s].size(); n += dim)
-    {
-      double square = 0.0;
-      for (std::size_t i = 0; i < dim; ++i)
-        square += v[s][n + i] * v[s][n + i];
-      fastest[s] = std::max(fastest[s], square);
-    }
-  return time * (std::sqrt(fastest[0]) + std::sqrt(fastest[1]));
-}
-
-template <int dim>
-void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<double>, 2>& v,
-                                     std::array<std::vector<double>, 2>& f)
-{
-  for (const Side s : both_sides)
-    f[s].assign(v[s].size(), 0.0);
-  travel_of_step_ = fastest_travel(dt, v);
-  find_candidates(travel_of_step_);
-  report_.rows = report_.touching = report_.sweeps = 0;
-  report_.residual_gap = 0.0;
-  rows_.clear();
-  for (std::size_t n = 0; n < after_.x().size(); ++n)
-    for (int i = 0; i < dim; ++i)
-      after_.x()[n][i] = before_.x()[n][i] + dt * v[Side::solid][n * dim + static_cast<std::size_t>(i)];
-  if (!candidates_.empty())
-    find_rows(dt, v);
-  measure_clearance();
-  std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
-  if (!rows_.empty())
-  {
-    solve(dt);
-    let_go(dt, v);
-    ++report_.solves;
-    std::fill(last_impulse_.begin(), last_impulse_.end(), 0.0);
-  }
   report_.rows = static_cast<int>(rows_.size());
   for (const Row& row : rows_)
   {
@@ -649,15 +388,38 @@ void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<dou
       add(Side::solid, weights_[w].node, -weights_[w].P * J);
     x_[static_cast<std::size_t>(row.node)] += dt * product(inverse_mass_[Side::fluid], row.node, J);
   }
-  for (std::size_t n = 0; n < x_.size(); ++n)
-    for (int i = 0; i < dim; ++i)
-      x_[n][i] += dt * v[Side::fluid][n * dim + static_cast<std::size_t>(i)];
+}
+
+template <int dim>
+void UnilateralContact<dim>::advance(double dt, const std::array<std::vector<double>, 2>& v,
+                                     std::array<std::vector<double>, 2>& f)
+{
+  for (const Side s : both_sides)
+    f[s].assign(v[s].size(), 0.0);
+  travel_of_step_ = fastest_travel(dt, v);
+  find_candidates(travel_of_step_);
+  report_.rows = report_.touching = report_.sweeps = 0;
+  report_.residual_gap = 0.0;
+  rows_.clear();
   for (std::size_t n = 0; n < after_.x().size(); ++n)
+    after_.x()[n] = before_.x()[n] + dt * row_of(v[Side::solid], static_cast<index_t>(n));
+  if (!candidates_.empty())
+    find_rows(dt, v);
+  measure_clearance();
+  std::fill(dv_solid_.begin(), dv_solid_.end(), Vec<dim>{});
+  if (!rows_.empty())
   {
-    before_.x()[n] = after_.x()[n] + dt * dv_solid_[n];
-    for (int i = 0; i < dim; ++i)
-      solid_mesh_.x[n * dim + static_cast<std::size_t>(i)] = before_.x()[n][i];
+    solve(dt);
+    let_go(dt, v);
+    ++report_.solves;
+    std::fill(last_impulse_.begin(), last_impulse_.end(), 0.0);
   }
+  give_forces(dt, f);
+  for (std::size_t n = 0; n < x_.size(); ++n)
+    x_[n] += dt * row_of(v[Side::fluid], static_cast<index_t>(n));
+  for (std::size_t n = 0; n < after_.x().size(); ++n)
+    before_.x()[n] = after_.x()[n] + dt * dv_solid_[n];
+  show_solid();
 
   for (const Side s : both_sides)
     balance_.impulse[s] = norm(impulse_[s]);

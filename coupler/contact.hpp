@@ -117,7 +117,12 @@ private:
   void look_around();
   void measure_clearance();
   void find_rows(double dt, const std::array<std::vector<double>, 2>& v);
-  void find_faces(double dt, const std::array<std::vector<double>, 2>& v);
+  void find_active();
+  std::vector<char> nodes_of_active(const std::vector<char>& touched) const;
+  bool touches(std::size_t face, const std::vector<char>& nodes) const;
+  std::vector<char> find_changed(double dt, const std::array<std::vector<double>, 2>& v);
+  void integrate_rows(const std::vector<char>& changed);
+  void find_normals();
   void add_row(index_t node, const Vec<dim>& n, std::size_t first_weight, bool held = false);
   void add_rows_along(const Row& row);
   /// A push is work on both sides. It may spend what contact took, never more.
@@ -125,7 +130,10 @@ private:
   void find_held();
   void let_go(double dt, const std::array<std::vector<double>, 2>& v);
   void solve(double dt);
+  void give_forces(double dt, std::array<std::vector<double>, 2>& f);
+  void show_solid();
   static std::vector<Vec<dim>> as_points(std::span<const double> values);
+  static Vec<dim> row_of(std::span<const double> values, index_t n);
   static Vec<dim> product(const std::vector<double>& inverse_mass, index_t n, const Vec<dim>& w);
 
   link::SurfaceMesh solid_mesh_;

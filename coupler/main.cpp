@@ -55,39 +55,13 @@ void require_level(const CouplingConfig& coupling, const link::World& world)
   }
 }
 
-ExitCode start(Launch& launch)
+/// Rank 0 couples the roles, the fluid first, with the help of its team.
+ExitCode couple(const Launch& launch, const link::World& world, const std::vector<std::string>& roles,
+                const link::Team& team)
 {
-  if (launch.line.document_keys)
-  {
-    std::fputs(launch.file.documentation().c_str(), stdout);
-    return ExitCode::success;
-  }
-  if (!launch.coupling.present)
-    throw InputError(launch.file.path() +
-                     ": the case has no [coupling] and no [[interface]]; run fluid_pfem or solid_fe alone");
-  if (launch.line.check_only)
-  {
-    fmt::print("coupler: {} interface(s), scheme {}, t = {:.6g} to {:.6g} s\n",
-               launch.coupling.interfaces.size(), launch.coupling.scheme, launch.run.t_begin,
-               launch.run.t_end);
-    return ExitCode::success;
-  }
-  std::vector<std::string> roles{"fluid"};
-  roles.insert(roles.end(), launch.coupling.solids.begin(), launch.coupling.solids.end());
-  const link::World world = launch.meet(roles);
-  // Rank 0 couples; the others help it. It waits for one of them half as long as a participant waits for the
-  // coupler, so that it can say who is silent. They themselves wait for it as long as the run goes on.
-  int rank = 0;
-  MPI_Comm_rank(world.comm(), &rank);
-  const link::Team team(world.comm(), rank == 0 ? 0.5 * launch.coupling.stall_timeout : 0.0);
-  if (rank > 0)
-  {
-    coupler::help(team);
-    return ExitCode::success;
-  }
   require_level(launch.coupling, world);
   const auto log = make_log(launch.output.dir, launch.role, false);
-  std::vector<link::PartnerLink> partners; // the fluid first
+  std::vector<link::PartnerLink> partners;
   for (const std::string& role : roles)
   {
     partners.emplace_back(world.channel(role), role,
@@ -154,6 +128,39 @@ ExitCode start(Launch& launch)
       p.send_failure(static_cast<int>(failure.code()), failure.what());
     throw;
   }
+}
+
+ExitCode start(Launch& launch)
+{
+  if (launch.line.document_keys)
+  {
+    std::fputs(launch.file.documentation().c_str(), stdout);
+    return ExitCode::success;
+  }
+  if (!launch.coupling.present)
+    throw InputError(launch.file.path() +
+                     ": the case has no [coupling] and no [[interface]]; run fluid_pfem or solid_fe alone");
+  if (launch.line.check_only)
+  {
+    fmt::print("coupler: {} interface(s), scheme {}, t = {:.6g} to {:.6g} s\n",
+               launch.coupling.interfaces.size(), launch.coupling.scheme, launch.run.t_begin,
+               launch.run.t_end);
+    return ExitCode::success;
+  }
+  std::vector<std::string> roles{"fluid"};
+  roles.insert(roles.end(), launch.coupling.solids.begin(), launch.coupling.solids.end());
+  const link::World world = launch.meet(roles);
+  // Rank 0 couples; the others help it. It waits for one of them half as long as a participant waits for the
+  // coupler, so that it can say who is silent. They themselves wait for it as long as the run goes on.
+  int rank = 0;
+  MPI_Comm_rank(world.comm(), &rank);
+  const link::Team team(world.comm(), rank == 0 ? 0.5 * launch.coupling.stall_timeout : 0.0);
+  if (rank > 0)
+  {
+    coupler::help(team);
+    return ExitCode::success;
+  }
+  return couple(launch, world, roles, team);
 }
 
 } // namespace
