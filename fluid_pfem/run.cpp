@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
+#include "common/program/coupled_window.hpp"
 #include "common/time/row_times.hpp"
 #include "fluid_pfem/step_looks.hpp"
 
@@ -116,7 +117,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
   const link::Setup setup = link.receive_setup();
   require_same_restart(persistence, setup);
   const bool sees_solid = setup.scheme == link::contact_surface_scheme;
-  const bool in_the_middle = sees_solid || setup.scheme == link::contact_scheme;
+  const bool in_contact = sees_solid || setup.scheme == link::contact_scheme;
   if (sees_solid)
   {
     const link::SurfaceMesh solid = link.receive_surface();
@@ -147,43 +148,7 @@ void run_coupled(Fluid<dim>& fluid, SharedLink link, double history_interval, co
     std::optional<StateArchive> at_begin;
     if (window->trial)
       state(at_begin.emplace());
-    if (window->activate)
-    {
-      link.send_kinematics(fluid.kinematics());
-      fluid.apply_activation(link.receive_activation());
-    }
-    if (window->flight)
-    {
-      std::vector<double> mean(fluid.interface_velocity().size(), 0.0);
-      for (std::int64_t j = 0; j < window->steps; ++j)
-      {
-        fluid.predict_velocity(dt);
-        const auto v = fluid.interface_velocity();
-        for (std::size_t k = 0; k < mean.size(); ++k)
-          mean[k] += v[k] / static_cast<double>(window->steps);
-        fluid.predict_position(dt);
-        fluid.solve_free_motion(dt);
-      }
-      link.send_free_velocity(mean);
-    }
-    else if (in_the_middle) // of the step is the exchange
-    {
-      fluid.predict_velocity(dt);
-      link.send_free_velocity(fluid.interface_velocity());
-      link.receive_link_force(f_link);
-      fluid.push(f_link, dt);
-      fluid.predict_position(dt);
-      fluid.solve_free_motion(dt);
-    }
-    for (std::int64_t j = 0; j < window->steps && !in_the_middle; ++j)
-    {
-      fluid.predict(dt);
-      fluid.solve_free_motion_of_interface(dt);
-      link.send_free_velocity(fluid.interface_velocity()); // travels while the interior is computed
-      fluid.solve_free_motion_of_interior(dt);
-      link.receive_link_force(f_link);
-      fluid.correct_with_link(f_link, dt);
-    }
+    take_window(fluid, link, *window, in_contact, f_link);
     if (at_begin)
     {
       at_begin->read_back();

@@ -344,9 +344,9 @@ void Contact<dim>::push_from_facets(Pair& pair, const SolidNodes<dim>& nodes, do
   }
 }
 
+/// Walls and facets that nodes may touch in this step.
 template <int dim>
-void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
-                                std::span<Vec<dim>> F)
+void Contact<dim>::find_touches(const SolidNodes<dim>& nodes)
 {
   touches_.clear();
   for (auto& wall : walls_)
@@ -368,30 +368,25 @@ void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::sp
       if (const auto touch = touch_of(pair, s, nodes, -pair.skin, pair.skin))
         touches_.push_back(*touch);
   }
-  if (!(dt > 0.0)) // at the start: the first step has no length yet
-    return;
+}
 
-  const auto relative = [&](const Touch& touch, const auto& field)
-  {
-    auto v = field(touch.slave);
-    if (touch.facet != nullptr)
-      for (std::size_t a = 0; a < dim; ++a)
-        v -= touch.weight[a] * field((*touch.facet)[a]);
-    return v;
-  };
-  /// v⁺ changes by Δt M⁻¹ of the force on the slave and its reaction.
-  const auto push = [&](const Touch& touch, const Vec<dim>& force)
-  {
-    const auto move = [&](std::size_t n, double weight)
-    {
-      for (int i = 0; i < dim; ++i)
-        v_next_[n][i] += dt * nodes.inverse_mass[n][i] * weight * force[i];
-    };
-    move(touch.slave, 1.0);
-    if (touch.facet != nullptr)
-      for (std::size_t a = 0; a < dim; ++a)
-        move((*touch.facet)[a], -touch.weight[a]);
-  };
+/// Velocity `field` of a slave against what it touches.
+template <int dim>
+template <class Field>
+Vec<dim> Contact<dim>::relative(const Touch& touch, Field&& field)
+{
+  auto v = field(touch.slave);
+  if (touch.facet != nullptr)
+    for (std::size_t a = 0; a < dim; ++a)
+      v -= touch.weight[a] * field((*touch.facet)[a]);
+  return v;
+}
+
+/// Touches that play a part, with the rate at which each may close, the change of it by its own impulse, and
+/// the velocities without any.
+template <int dim>
+void Contact<dim>::prepare_touches(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free)
+{
   const auto free_velocity = [&](std::size_t n) // v⁻ + Δt a; nodes.v is v⁻ still
   {
     Vec<dim> v = nodes.v[n];
@@ -422,7 +417,25 @@ void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::sp
         add((*touch.facet)[a], touch.weight[a]);
   }
   std::erase_if(touches_, [](const Touch& touch) { return !(touch.own > 0.0); }); // both sides are held
+}
 
+/// Projected Gauss-Seidel over the touches.
+template <int dim>
+void Contact<dim>::solve_touches(const SolidNodes<dim>& nodes, double dt)
+{
+  /// v⁺ changes by Δt M⁻¹ of the force on the slave and its reaction.
+  const auto push = [&](const Touch& touch, const Vec<dim>& force)
+  {
+    const auto move = [&](std::size_t n, double weight)
+    {
+      for (int i = 0; i < dim; ++i)
+        v_next_[n][i] += dt * nodes.inverse_mass[n][i] * weight * force[i];
+    };
+    move(touch.slave, 1.0);
+    if (touch.facet != nullptr)
+      for (std::size_t a = 0; a < dim; ++a)
+        move((*touch.facet)[a], -touch.weight[a]);
+  };
   const auto next = [&](std::size_t n) { return v_next_[n]; };
   for (int sweep = 0; sweep < most_sweeps; ++sweep)
   {
@@ -448,6 +461,17 @@ void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::sp
     if (change <= 1e-13 * largest)
       break;
   }
+}
+
+template <int dim>
+void Contact<dim>::add_impulses(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
+                                std::span<Vec<dim>> F)
+{
+  find_touches(nodes);
+  if (!(dt > 0.0)) // at the start: the first step has no length yet
+    return;
+  prepare_touches(nodes, dt, F_free);
+  solve_touches(nodes, dt);
   for (const auto& touch : touches_)
   {
     F[touch.slave] += touch.force;

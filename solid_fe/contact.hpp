@@ -117,6 +117,11 @@ private:
   std::optional<Touch> touch_of(const Pair& pair, std::size_t s, const SolidNodes<dim>& nodes,
                                 double least_gap, double largest_gap) const;
   void search_if_moved(Pair& pair, const SolidNodes<dim>& nodes);
+  void find_touches(const SolidNodes<dim>& nodes);
+  template <class Field>
+  static Vec<dim> relative(const Touch& touch, Field&& field);
+  void prepare_touches(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free);
+  void solve_touches(const SolidNodes<dim>& nodes, double dt);
   void add_impulses(const SolidNodes<dim>& nodes, double dt, std::span<const Vec<dim>> F_free,
                     std::span<Vec<dim>> F);
   double stiffness(double mass) const { return stiffness_ * omega2_ * mass; }

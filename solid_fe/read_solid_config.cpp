@@ -105,61 +105,41 @@ ElementType read_element(const CaseTable& solid, int dim)
   return name == "Tet4" ? ElementType::tetrahedron4 : ElementType::hexahedron8;
 }
 
-GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int dim, double element_size,
-                             bool is_beam)
+/// Keys of another geometry than the one given.
+void refuse(const CaseTable& solid, std::initializer_list<const char*> keys, const char* reason)
 {
-  GeometryConfig geometry;
-  const double factor = solid.number(
-      {"size_factor", "", "element size of the box or line relative to run.element_size"}, 1.0, positive());
-  geometry.element_size = factor * element_size;
-  if (is_beam)
-  {
-    geometry.line =
-        solid.numbers({"line", "m",
-                       "x, y, x, y, ... of the middle line of a thin wall (formulation beam), instead of "
-                       "a box; surfaces left, right, start, end"},
-                      0, {}, any_number());
-    if (!geometry.line.empty() && (geometry.line.size() % 2 != 0 || geometry.line.size() < 4))
-      solid.fail("line", "must be x and y of at least two points");
-    geometry.thickness =
-        solid.number({"thickness", "m",
-                      "thickness of the wall about solid.line or about the two-node elements of "
-                      "solid.mesh; 0: solid.mesh is a strip of quadrilaterals"},
-                     0.0, non_negative());
-    if (!geometry.line.empty() && !(geometry.thickness > 0.0))
-      solid.fail("thickness", "must be positive for a wall about solid.line");
-  }
-  const auto mesh = solid.optional_text(
-      {"mesh", "",
-       "Gmsh (.msh) or Abaqus (.inp) file of the solid, relative to the case; instead of the built-in box"});
-  if (mesh)
-  {
-    geometry.mesh_file = file.resolve(*mesh);
-    for (const char* key : {"width", "height", "depth", "origin", "element", "elements", "line", "angle",
-                            "inner_radius", "outer_radius"})
-      if (solid.has(key))
-        solid.fail(key,
-                   "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
-    return geometry;
-  }
-  if (!geometry.line.empty())
-  {
-    for (const char* key :
-         {"width", "height", "origin", "element", "elements", "angle", "inner_radius", "outer_radius"})
-      if (solid.has(key))
-        solid.fail(key, "belongs to the built-in box, but the wall is about solid.line; remove one of them");
-    return geometry;
-  }
+  for (const char* key : keys)
+    if (solid.has(key))
+      solid.fail(key, reason);
+}
 
-  geometry.element = read_element(solid, dim);
-  const bool is_ring = solid.has("inner_radius") || solid.has("outer_radius");
+/// A thin wall.
+void read_line(const CaseTable& solid, GeometryConfig& geometry)
+{
+  geometry.line =
+      solid.numbers({"line", "m",
+                     "x, y, x, y, ... of the middle line of a thin wall (formulation beam), instead of "
+                     "a box; surfaces left, right, start, end"},
+                    0, {}, any_number());
+  if (!geometry.line.empty() && (geometry.line.size() % 2 != 0 || geometry.line.size() < 4))
+    solid.fail("line", "must be x and y of at least two points");
+  geometry.thickness =
+      solid.number({"thickness", "m",
+                    "thickness of the wall about solid.line or about the two-node elements of "
+                    "solid.mesh; 0: solid.mesh is a strip of quadrilaterals"},
+                   0.0, non_negative());
+  if (!geometry.line.empty() && !(geometry.thickness > 0.0))
+    solid.fail("thickness", "must be positive for a wall about solid.line");
+}
+
+void read_size(const CaseTable& solid, int dim, bool is_ring, bool is_beam, GeometryConfig& geometry)
+{
   if (is_ring)
   {
     if (is_beam)
       solid.fail("inner_radius", "is of a ring of elements; for a wall of beams give solid.line");
-    for (const char* key : {"width", "height", "angle"})
-      if (solid.has(key))
-        solid.fail(key, "belongs to the box, but the solid is a ring; remove one of them");
+    refuse(solid, {"width", "height", "angle"},
+           "belongs to the box, but the solid is a ring; remove one of them");
     geometry.inner_radius = solid.number(
         {"inner_radius", "m", "of a ring about `origin` instead of a box; surfaces inner, outer"},
         positive());
@@ -175,15 +155,11 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   }
   if (dim == 3)
     geometry.size.push_back(solid.number({"depth", "m", "size of the box along z"}, positive()));
-  const auto n = static_cast<std::size_t>(dim);
-  geometry.origin =
-      solid.numbers({"origin", "m", "corner of the box with the smallest coordinates; centre of a ring"}, n,
-                    std::vector<double>(n, 0.0), any_number());
-  if (!is_ring)
-    geometry.angle =
-        solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
-                     any_number()) *
-        std::acos(-1.0) / 180.0;
+}
+
+void read_element_counts(const CaseTable& solid, bool is_ring, bool is_beam, GeometryConfig& geometry)
+{
+  const std::size_t n = geometry.size.size();
   double count = 1.0;
   for (const double size : geometry.size)
     count *= std::max(1.0, size / geometry.element_size);
@@ -208,6 +184,50 @@ GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int d
   }
   if (is_ring && geometry.elements[0] < 3)
     solid.fail("elements", "must be at least 3 around a ring");
+}
+
+GeometryConfig read_geometry(const CaseFile& file, const CaseTable& solid, int dim, double element_size,
+                             bool is_beam)
+{
+  GeometryConfig geometry;
+  const double factor = solid.number(
+      {"size_factor", "", "element size of the box or line relative to run.element_size"}, 1.0, positive());
+  geometry.element_size = factor * element_size;
+  if (is_beam)
+    read_line(solid, geometry);
+  const auto mesh = solid.optional_text(
+      {"mesh", "",
+       "Gmsh (.msh) or Abaqus (.inp) file of the solid, relative to the case; instead of the built-in box"});
+  if (mesh)
+  {
+    geometry.mesh_file = file.resolve(*mesh);
+    refuse(solid,
+           {"width", "height", "depth", "origin", "element", "elements", "line", "angle", "inner_radius",
+            "outer_radius"},
+           "belongs to the built-in box, but the geometry comes from solid.mesh; remove one of them");
+    return geometry;
+  }
+  if (!geometry.line.empty())
+  {
+    refuse(solid,
+           {"width", "height", "origin", "element", "elements", "angle", "inner_radius", "outer_radius"},
+           "belongs to the built-in box, but the wall is about solid.line; remove one of them");
+    return geometry;
+  }
+
+  geometry.element = read_element(solid, dim);
+  const bool is_ring = solid.has("inner_radius") || solid.has("outer_radius");
+  read_size(solid, dim, is_ring, is_beam, geometry);
+  const auto n = static_cast<std::size_t>(dim);
+  geometry.origin =
+      solid.numbers({"origin", "m", "corner of the box with the smallest coordinates; centre of a ring"}, n,
+                    std::vector<double>(n, 0.0), any_number());
+  if (!is_ring)
+    geometry.angle =
+        solid.number({"angle", "degree", "the box is turned by this about `origin`, in the x-y plane"}, 0.0,
+                     any_number()) *
+        std::acos(-1.0) / 180.0;
+  read_element_counts(solid, is_ring, is_beam, geometry);
   return geometry;
 }
 
@@ -313,7 +333,7 @@ VelocityConfig read_prescribed(const CaseTable& table, int dim, bool is_accelera
   motion.components = table.texts({"components", "", "prescribed components"}, component_names(dim));
   std::string factor = factor_over_time(table);
   if (factor.empty() && is_acceleration)
-    factor = "1"; // always a formula
+    factor = std::string("1"); // always a formula
   motion.function = over_time(motion.function, motion.value, factor);
   if (!motion.function.empty())
     motion.value.clear();

@@ -4,6 +4,7 @@
 #include "common/error.hpp"
 #include "common/io/stop_signal.hpp"
 #include "common/program/coupled_checkpoint.hpp"
+#include "common/program/coupled_window.hpp"
 #include "common/time/row_times.hpp"
 #include "solid_fe/step_watch.hpp"
 
@@ -263,51 +264,9 @@ RunResult run_coupled(Solid<dim>& solid, SharedLink link, const RunTimes& times,
     if (window->trial)
       state(at_begin.emplace());
     solid.set_time(window->t_begin);
-    if (window->activate)
-    {
-      link.send_kinematics(solid.interface_kinematics());
-      solid.apply_activation(link.receive_activation());
-    }
+    take_window(solid, link, *window, in_contact, f_link);
     const double dt = window->dt();
-    if (window->flight)
-    {
-      std::vector<double> mean(f_link.size(), 0.0);
-      for (std::int64_t j = 0; j < window->steps; ++j)
-      {
-        solid.predict_velocity(dt);
-        const auto v = solid.interface_velocity();
-        for (std::size_t k = 0; k < mean.size(); ++k)
-          mean[k] += v[k] / static_cast<double>(window->steps);
-        solid.predict_position(dt);
-        solid.solve_free_motion(dt);
-      }
-      link.send_free_velocity(mean);
-    }
-    else if (in_contact) // the exchange is in the middle of the step
-    {
-      solid.predict_velocity(dt); // v ← v + Δt/2 a
-      link.send_free_velocity(solid.interface_velocity());
-      link.receive_link_force(f_link);
-      solid.push(f_link, dt);     // v ← v + Δt M⁻¹ f
-      solid.predict_position(dt); // u ← u + Δt v
-      solid.solve_free_motion(dt);
-    }
     result.smallest_step = std::min(result.smallest_step, dt);
-    for (std::int64_t j = 1; j <= window->steps && !in_contact; ++j)
-    {
-      const bool exchange = window->fine || j == window->steps;
-      solid.predict(dt); // v ← v + Δt/2 a,  u ← u + Δt v
-      solid.solve_free_motion_of_interface(
-          dt); // M a = F_ext − F_int(u),  v_free = v + Δt/2 a on the wet nodes
-      if (exchange)
-        link.send_free_velocity(solid.interface_velocity());
-      solid.solve_free_motion_of_interior(dt); // the same for the rest, while the message travels
-      if (exchange)
-      {
-        link.receive_link_force(f_link);
-        solid.correct_with_link(f_link, dt); // a ← a + M⁻¹ f,  v ← v + Δt/2 M⁻¹ f
-      }
-    }
     if (at_begin)
     {
       at_begin->read_back();

@@ -135,8 +135,8 @@ public:
   /// has turned by more than 1e-3.
   bool wet_surface_has_changed() const;
   std::span<const double>
-  interface_velocity() const; ///< of the wet nodes [m/s]; v_free between the parts of a step
-  link::Kinematics interface_kinematics() const; ///< v and a_free of the wet nodes
+  interface_velocity() const;          ///< of the wet nodes [m/s]; v_free between the parts of a step
+  link::Kinematics kinematics() const; ///< v and a_free of the wet nodes
 
   /// Largest step it can take next: step_safety × the bound of critical_time_step.hpp [s]. Collective.
   double critical_time_step() const;
@@ -255,7 +255,14 @@ private:
   template <int size, class Term>
   Vec<size> sum_over_nodes(Term&& term) const;
 
+  void make_bodies(const SolidConfig& config, const std::map<index_t, PrescribedMotion<dim>>& motion,
+                   std::span<double> volume);
   void make_beam(const SolidConfig& config);
+  void make_nodes(const SolidConfig& config, std::span<const double> volume);
+  void prescribe(const SolidConfig& config, const std::map<index_t, PrescribedMotion<dim>>& motion);
+  void make_room(const SolidConfig& config);
+  void set_motion_of_beam(const std::function<Vec<dim>(const Vec<dim>&)>& u,
+                          const std::function<Vec<dim>(const Vec<dim>&)>& v, double t) requires(dim == 2);
   double driven_velocity(const DrivenFibre& driven, double t) const;
   std::size_t node_of(const DrivenFibre& driven) const ///< whose work counts what drives the fibre
   {

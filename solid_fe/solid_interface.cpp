@@ -237,7 +237,7 @@ std::span<const double> Solid<dim>::interface_velocity() const
 }
 
 template <int dim>
-link::Kinematics Solid<dim>::interface_kinematics() const
+link::Kinematics Solid<dim>::kinematics() const
 {
   link::Kinematics kinematics;
   const auto v = interface_velocity();

@@ -299,7 +299,7 @@ TEST_CASE("an activation sets velocity and acceleration of the wet nodes", "[sol
   config.gravity = {0.0, -10.0};
   config.wet = {{"gamma", "top"}};
   Solid<2> solid(config, distorted_box<2>(ElementType::quadrilateral4));
-  const auto kinematics = solid.interface_kinematics();
+  const auto kinematics = solid.kinematics();
   const auto n = kinematics.v.size();
   REQUIRE(n == static_cast<std::size_t>(solid.n_wet_nodes()) * 2);
   for (std::size_t k = 1; k < n; k += 2)

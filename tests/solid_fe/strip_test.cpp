@@ -213,7 +213,7 @@ TEST_CASE("what is done to the wet faces of a beam does its work on the beam", "
   CHECK(solid.energies().kinetic - kinetic == Approx(power).epsilon(1e-9));
 
   // An impulse moves it by M⁻¹ p too; then the acceleration holds the new link force.
-  const auto free = solid.interface_kinematics();
+  const auto free = solid.kinematics();
   solid.apply_activation({.impulse = flat, .link_force = flat});
   for (std::size_t n = 0; n < n_wet; ++n)
     CHECK(norm(solid.nodes().v[n] - Vec<2>{{free.v[2 * n], free.v[2 * n + 1]}} - expected[n]) <
