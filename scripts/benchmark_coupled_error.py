@@ -8,8 +8,6 @@ Truths: the converged curve of the column, d'Alembert for the pulse, and where n
 depend on who else uses the machine's cores. Writes docs/benchmarks/coupled_error.md and .png.
 """
 import argparse
-import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -20,20 +18,15 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "scripts"))
-from lib import compare  # noqa: E402
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lib import compare, launch  # noqa: E402
+from lib.launch import ROOT  # noqa: E402
 
 
 def run(case, out, *options):
-    command = ["/usr/bin/python3", str(ROOT / "scripts" / "run_case.py"), str(ROOT / "cases" / case), "--out", str(out), "--no-plots",
-               "--set", "output.frames=false", *options]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stdout + done.stderr)
-    summary = json.loads((out / "summary.json").read_text())
-    cost = summary["coupler"]["fluid_compute_s"] + summary["coupler"]["solid_compute_s"]
-    return summary, cost
+    """Summary of a run, and the seconds that both solvers computed."""
+    summary = launch.run(ROOT / "cases" / case, out, "--set", "output.frames=false", *options)
+    return summary, summary["coupler"]["fluid_compute_s"] + summary["coupler"]["solid_compute_s"]
 
 
 def error_of(summary, name):

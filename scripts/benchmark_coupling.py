@@ -8,16 +8,17 @@ at its stable step as often as the coupled one does, once in the steps of a wind
 written to docs/benchmarks/coupling_cost.md. Quote the ratios, not the seconds.
 """
 import argparse
-import json
 import os
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lib import launch  # noqa: E402
+from lib.launch import ROOT  # noqa: E402
+
 COLUMN = ROOT / "cases" / "elastic_column"
 
 
@@ -28,15 +29,9 @@ def fluid_alone(case):
     return "".join(kept) + '\n[[fluid.wall]]\non = "bottom"\nkind = "slip"\n'
 
 
-def run(case, out, **settings):
-    command = ["/usr/bin/python3", str(ROOT / "scripts" / "run_case.py"), str(case), "--out", str(out), "--no-plots", "--set", "output.frames=false",
-               "--set", "output.history_every=1"]
-    for key, value in settings.items():
-        command += ["--set", f"{key.replace('__', '.')}={value}"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stdout + done.stderr)
-    return json.loads((out / "summary.json").read_text())
+def run(case, out, **values):
+    values = {"output.frames": "false", "output.history_every": 1, **{key.replace("__", "."): value for key, value in values.items()}}
+    return launch.run(case, out, *launch.settings(values))
 
 
 def pair(folder, alone_case, resolution, t_end):

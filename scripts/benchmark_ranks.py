@@ -13,13 +13,16 @@ import math
 import os
 import statistics
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
-MPIRUN = ["mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
-ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_WAIT_POLICY="passive")
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lib import launch  # noqa: E402
+from lib.launch import MPIRUN, ROOT  # noqa: E402
+
+ENVIRONMENT = dict(launch.ENVIRONMENT, OMP_WAIT_POLICY="passive")
 # The network of the model, per rank, and how often a splashing dam break remeshes (docs/benchmarks/fluid_speed.md).
 LATENCY, BANDWIDTH, STEPS_PER_REMESH = 2e-6, 5e9, 33
 GATHERED = {2: 12 / 25, 3: 40 / 25}  # bytes of a node that a remesh gathers: one in 25 does

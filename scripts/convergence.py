@@ -8,10 +8,8 @@ Errors are relative L2 errors of the interface displacement over 0 to 0.5 s. The
 the two-layer column; for the neo-Hookean law a converged 1-D solution with the compressibility of the water added from the modal one.
 """
 import argparse
-import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -23,9 +21,9 @@ import matplotlib.pyplot as plt  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from lib import case as case_file  # noqa: E402
-from lib import compare  # noqa: E402
+from lib import compare, launch  # noqa: E402
+from lib.launch import ROOT  # noqa: E402
 
-ROOT = Path(__file__).resolve().parent.parent
 CASE = ROOT / "cases" / "elastic_column" / "case.toml"
 HEIGHT = 0.25  # of the solid [m]; the resolution counts its elements
 STYLES = {("linear", "auto"): ("tab:blue", "o-"), ("linear", "1"): ("tab:blue", "s--"),
@@ -37,13 +35,7 @@ def run(law, substeps, resolution, build, folder):
     """Run one variant; returns a row of the table and the curves (t, ours, t_ref, reference)."""
     out = Path(folder) / f"{law}_{substeps}_{resolution}"
     overrides = [f"run.resolution={resolution}", f"solid.law={law}", f"coupling.substeps={substeps}", "output.frames=false"]
-    line = [sys.executable, "-B", str(ROOT / "scripts" / "run_case.py"), str(CASE), "--out", str(out), "--no-plots", "--build", str(build)]
-    for override in overrides:
-        line += ["--set", override]
-    result = subprocess.run(line, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        sys.exit(f"error: {' '.join(line)}\n{result.stderr}")
-    summary = json.loads((out / "summary.json").read_text())
+    summary = launch.run(CASE, out, "--build", str(build), *(word for override in overrides for word in ("--set", override)))
     settings = case_file.load(CASE, overrides)
     reference = next(r for r in settings["reference"] if r["measure"] == "relative_L2" and compare.applies(r, settings))
     t_ref, y_ref = compare.reference_curve(CASE, reference, settings)

@@ -19,7 +19,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from lib import advise  # noqa: E402
 from lib import case as case_file  # noqa: E402
-from lib import compare  # noqa: E402
+from lib import compare, launch  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent  # of the source tree, or share/undine of an installed one
 INSTALLED = not (ROOT / "CMakeLists.txt").exists()
@@ -123,7 +123,7 @@ def mpirun_line(args, case, settings, programs, ranks, out):
         return [lines[0]]
     line = ["mpirun"]
     if sum(ranks.values()) > (os.cpu_count() or 1):
-        line += ["--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
+        line += launch.SHARE_CORES
     for k, (p, command) in enumerate(zip(programs, lines)):
         line += ([":"] if k else []) + ["-n", str(ranks[p])] + command
     return [line]
@@ -313,7 +313,7 @@ def main():
         stop(2, f"{case}: the case has [fluid] and [solid], but no [[interface]] between them: write one with name, fluid and solid")
     compare.check_references(case, settings)
     ranks = ranks_of(args.ranks, programs)
-    environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    environment = dict(launch.ENVIRONMENT)
     # where Python solvers find undine_link.py and the library
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(places(args.build)[1]), os.environ.get("PYTHONPATH")]))
     lines = mpirun_line(args, case, settings, programs, ranks, out)

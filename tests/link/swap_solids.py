@@ -22,7 +22,6 @@ gate_peak  the same until after the peak, 0.2 s, 20000 equal steps. Water that c
 """
 import argparse
 import functools
-import json
 import subprocess
 import sys
 import tempfile
@@ -32,6 +31,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
+from lib import launch  # noqa: E402
 from lib.compare import read_csv  # noqa: E402
 
 bad = []
@@ -45,17 +45,13 @@ def expect(value, limit, claim):
 
 def start(build, case, out, *options):
     """The finished process of one run."""
-    command = [sys.executable, str(ROOT / "scripts" / "run_case.py"), case, "--out", str(out), "--no-plots", "--build", build, *options]
-    return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return launch.start(case, out, "--build", build, *options)
 
 
 def run(build, case, out, *options):
     """History of the interface and the summary of one run."""
-    done = start(build, case, out, *options)
-    if done.returncode != 0:
-        print(done.stdout)
-        sys.exit(f"error: {case} {' '.join(options)} ended with {done.returncode}")
-    return read_csv(out / "history" / "interface.csv"), json.loads((out / "summary.json").read_text())
+    summary = launch.run(case, out, "--build", build, *options)
+    return read_csv(out / "history" / "interface.csv"), summary
 
 
 def distance(a, b, what="u_y[m]"):

@@ -3,13 +3,13 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
-MPIRUN = ["mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
-ROOT = Path(__file__).resolve().parents[2]
-ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from lib.launch import ENVIRONMENT, MPIRUN, ROOT  # noqa: E402, F401
 
 
 def descendants(root):

@@ -7,16 +7,16 @@ Errors end with the documented code and one message; advice (warnings) leaves th
 """
 import argparse
 import concurrent.futures
-import os
 import subprocess
 import sys
 import tempfile
 import unittest
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from lib.launch import ENVIRONMENT, ROOT  # noqa: E402
+
 BUILD = ROOT / "build" / "release"
-ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
 
 TRIANGLE = """$MeshFormat
 2.2 0 8
