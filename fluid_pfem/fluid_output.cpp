@@ -153,6 +153,59 @@ FluidOutput<dim>::FluidOutput(const OutputConfig& output, const std::vector<Prob
       probes_.push_back(make_probe(probe, fluid));
 }
 
+namespace
+{
+
+/// @throws InputError for a quantity of the probe that is none of `fields`
+void allow(const ProbeConfig& probe, std::initializer_list<const char*> fields)
+{
+  for (const auto& field : probe.fields)
+    if (std::find(fields.begin(), fields.end(), field) == fields.end())
+      throw InputError(fmt::format("probe '{}': quantity '{}' is not measured there; possible: {}",
+                                   probe.name, field,
+                                   fmt::join(std::vector<std::string>(fields.begin(), fields.end()), ", ")));
+}
+
+/// Of `list`, whose entries have names, the one called `name`.
+template <class List>
+std::ptrdiff_t index_of(const ProbeConfig& probe, const List& list, const std::string& name, const char* what,
+                        const char* there)
+{
+  std::vector<std::string> known;
+  for (const auto& item : list)
+    known.push_back(item.name);
+  const auto it = std::find(known.begin(), known.end(), name);
+  if (it == known.end())
+    throw InputError(fmt::format("probe '{}': the fluid has no {} '{}'. {}: {}", probe.name, what, name,
+                                 there, fmt::join(known, " ")));
+  return it - known.begin();
+}
+
+template <int dim>
+struct Place
+{
+  double distance;
+  global_index_t id;
+  Vec<dim> x;
+};
+
+/// The node of all ranks nearest to the point, the first of those that are as near. Collective.
+template <int dim>
+Place<dim> nearest_to(const Vec<dim>& point, const Fluid<dim>& fluid)
+{
+  std::vector<Place<dim>> nearest;
+  const auto& nodes = fluid.nodes();
+  const auto [begin, end] = fluid.node_range();
+  for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+    if (const double d = norm(nodes.x[n] - point); nearest.empty() || d < nearest.front().distance)
+      nearest = {{d, nodes.id[n], nodes.x[n]}};
+  nearest = fluid.ranks().gather(nearest);
+  return *std::min_element(nearest.begin(), nearest.end(),
+                           [](const auto& a, const auto& b) { return a.distance < b.distance; });
+}
+
+} // namespace
+
 template <int dim>
 typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig& probe,
                                                               const Fluid<dim>& fluid) const
@@ -160,32 +213,12 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
   const auto& nodes = fluid.nodes();
   Probe result{.config = probe};
   std::vector<std::string> columns;
-  const auto allow = [&](std::initializer_list<const char*> fields)
-  {
-    for (const auto& field : probe.fields)
-      if (std::find(fields.begin(), fields.end(), field) == fields.end())
-        throw InputError(
-            fmt::format("probe '{}': quantity '{}' is not measured there; possible: {}", probe.name, field,
-                        fmt::join(std::vector<std::string>(fields.begin(), fields.end()), ", ")));
-  };
-  const auto names_of = [](const auto& list, auto&& name)
-  {
-    std::vector<std::string> names;
-    for (const auto& item : list)
-      names.push_back(name(item));
-    return names;
-  };
   std::string definition;
   if (!probe.wall.empty())
   {
-    allow({"F"});
-    const auto known = names_of(fluid.walls().geometry(), [](const auto& g) { return g.name; });
-    const auto it = std::find(known.begin(), known.end(), probe.wall);
-    if (it == known.end())
-      throw InputError(
-          fmt::format("probe '{}': the fluid has no wall '{}'. Walls that can be met and left: {}",
-                      probe.name, probe.wall, fmt::join(known, " ")));
-    result.wall = it - known.begin();
+    allow(probe, {"F"});
+    result.wall =
+        index_of(probe, fluid.walls().geometry(), probe.wall, "wall", "Walls that can be met and left");
     definition =
         "force of the fluid on the wall: contact impulse since the last row over the time since then";
     for (int i = 0; i < dim; ++i)
@@ -215,19 +248,15 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
   }
   else
   {
-    allow({"x", "v", "p"});
+    allow(probe, {"x", "v", "p"});
     for (const auto& field : probe.fields)
       for (auto& column : columns_of<dim>(field))
         columns.push_back(std::move(column));
     if (!probe.surface.empty())
     {
-      const auto known = names_of(fluid.surfaces(), [](const auto& s) { return s.name; });
-      const auto it = std::find(known.begin(), known.end(), probe.surface);
-      if (it == known.end())
-        throw InputError(fmt::format("probe '{}': the fluid has no surface '{}'. Surfaces there: {}",
-                                     probe.name, probe.surface, fmt::join(known, " ")));
+      const auto surface = index_of(probe, fluid.surfaces(), probe.surface, "surface", "Surfaces there");
       for (std::size_t n = 0; n < nodes.x.size(); ++n)
-        if (nodes.surface[n] >> (it - known.begin()) & 1)
+        if (nodes.surface[n] >> surface & 1)
           result.id.push_back(nodes.id[n]);
       definition = fmt::format("mean over the {} nodes of surface '{}'", result.id.size(), probe.surface);
     }
@@ -241,22 +270,7 @@ typename FluidOutput<dim>::Probe FluidOutput<dim>::make_probe(const ProbeConfig&
               : " (one step)");
     else
     {
-      struct Place
-      {
-        double distance;
-        global_index_t id;
-        Vec<dim> x;
-      };
-      std::vector<Place> nearest;
-      const auto [begin, end] = fluid.node_range();
-      for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
-        if (const double d = norm(nodes.x[n] - as_point<dim>(probe.point));
-            nearest.empty() || d < nearest.front().distance)
-          nearest = {{d, nodes.id[n], nodes.x[n]}};
-      nearest = fluid.ranks().gather(nearest);
-      const Place& place =
-          *std::min_element(nearest.begin(), nearest.end(),
-                            [](const Place& a, const Place& b) { return a.distance < b.distance; });
+      const auto place = nearest_to(as_point<dim>(probe.point), fluid);
       result.id.push_back(place.id);
       definition =
           fmt::format("fluid node {} that started at ({:.6g}) m", place.id, fmt::join(place.x.c, ", "));

@@ -22,17 +22,43 @@ namespace
 using namespace undine;
 
 template <int dim>
+ExitCode check(const fluid::FluidConfig& config)
+{
+  fluid::Fluid<dim> fluid(config);
+  fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step "
+             "{:.4g} s\n",
+             fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
+             config.tait.sound_speed(config.tait.rho0), fluid.critical_time_step());
+  return ExitCode::success;
+}
+
+/// @param drift of the mass  @param wall of the run [s]  @param wait of it for the coupler [s]
+template <int dim>
+Summary summary_of(const fluid::Fluid<dim>& fluid, const Ranks& ranks, double drift, double wall, double wait,
+                   const std::vector<RankTime>& times)
+{
+  Summary summary;
+  summary.set("fluid.t_end", fluid.time());
+  summary.set("fluid.steps", fluid.steps());
+  summary.set("fluid.ranks", ranks.size());
+  summary.set("fluid.rank_wait_s", ranks.cost().wall);
+  summary.set("fluid.wall_s", wall);
+  summary.set("fluid.wait_s", wait);
+  summary.set("fluid.nodes", fluid.nodes().size());
+  summary.set("fluid.ns_per_node_step",
+              1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
+  summary.set("fluid.remeshes", fluid.remeshes());
+  summary.set("fluid.mass_drift", drift);
+  if (!ranks.alone())
+    write(summary, "fluid.", times);
+  return summary;
+}
+
+template <int dim>
 ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
 {
   if (launch.line.check_only)
-  {
-    fluid::Fluid<dim> fluid(config);
-    fmt::print("fluid: {} nodes, {} elements, {} wet nodes, spacing {:.4g} m, c = {:.5g} m/s, stable step "
-               "{:.4g} s\n",
-               fluid.nodes().size(), fluid.mesh().n_elements(), fluid.n_wet(), config.element_size,
-               config.tait.sound_speed(config.tait.rho0), fluid.critical_time_step());
-    return ExitCode::success;
-  }
+    return check<dim>(config);
   const bool coupled = launch.coupling.present;
   const link::World world =
       launch.meet(coupled ? std::vector<std::string>{"coupler"} : std::vector<std::string>{});
@@ -109,21 +135,7 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   const std::vector<RankTime> times = split.of_ranks(wait);
   if (!first)
     return stopped.empty() ? ExitCode::success : ExitCode::stopped;
-  Summary summary;
-  summary.set("fluid.t_end", fluid.time());
-  summary.set("fluid.steps", fluid.steps());
-  summary.set("fluid.ranks", ranks.size());
-  summary.set("fluid.rank_wait_s", ranks.cost().wall);
-  summary.set("fluid.wall_s", wall);
-  summary.set("fluid.wait_s", wait);
-  summary.set("fluid.nodes", fluid.nodes().size());
-  summary.set("fluid.ns_per_node_step",
-              1e9 * (wall - wait) / (static_cast<double>(fluid.steps()) * fluid.nodes().size()));
-  summary.set("fluid.remeshes", fluid.remeshes());
-  summary.set("fluid.mass_drift", drift);
-  if (!ranks.alone())
-    write(summary, "fluid.", times);
-  summary.write(launch.output.dir + "/fluid.json");
+  summary_of(fluid, ranks, drift, wall, wait, times).write(launch.output.dir + "/fluid.json");
   log->info("done: {} steps, {} remeshes, {:.3g} s of which {:.3g} s waiting", fluid.steps(),
             fluid.remeshes(), wall, wait);
   if (!stopped.empty())

@@ -6,46 +6,41 @@
 namespace undine
 {
 
-CouplingConfig read_coupling(const CaseFile& file)
+namespace
 {
-  CouplingConfig config;
-  config.present = file.has_table("coupling") || file.has_table("interface");
-  config.solids = file.names_of("solid");
-  for (const std::string& name : config.solids)
-    if (name == "fluid" || name == "coupler")
-      throw InputError("solid.name = \"" + name + "\": another program has this role; choose another name");
-  for (const CaseTable& t :
-       file.tables("interface", "A pair of surfaces through which fluid and solid act on each other."))
-  {
-    InterfaceConfig i;
-    i.name = t.text({"name", "", "name of the interface in messages and histories"});
-    i.fluid =
-        t.text({"fluid", "", "name of the fluid's surface; \"boundary\" with separation = true: all of it"});
-    const Key solid{"solid", "", "name of the solid's surface, or a list of them"};
-    i.solid_surfaces =
-        t.is_text("solid") || !t.has("solid") ? std::vector{t.text(solid)} : t.texts(solid, {});
-    for (const auto& surface : i.solid_surfaces)
-      i.solid += (i.solid.empty() ? "" : ", ") + surface;
-    const Key body{"body", "",
-                   "name of the [[solid]] that the surface belongs to; needed where there are several"};
-    i.body = config.solids.size() == 1 ? t.choice(body, config.solids[0], config.solids)
-                                       : t.choice(body, config.solids);
-    i.kind = t.choice({"kind", "",
-                       "slip: only the normal velocity is continuous; no_slip: all of it, with separation = "
-                       "true where the fluid presses on the solid"},
-                      "slip", {"slip", "no_slip"});
-    i.separation =
-        t.boolean({"separation", "", "the fluid may leave the solid where the interface pulls"}, false);
-    if (i.separation != (i.fluid == InterfaceConfig::whole_boundary))
-      t.fail(
-          i.separation ? "fluid" : "separation",
-          "with separation = true any part of the fluid may meet the solid: write fluid = \"boundary\"; with "
-          "separation = false name the surface of the fluid that stays on it");
-    i.multiplier = t.choice({"multiplier", "", "the side that carries the Lagrange multipliers"}, "finer",
-                            {"finer", "fluid", "solid"});
-    config.interfaces.push_back(i);
-  }
-  const CaseTable t = file.table("coupling", "How the coupler runs.");
+
+InterfaceConfig read_interface(const CaseTable& t, const std::vector<std::string>& solids)
+{
+  InterfaceConfig i;
+  i.name = t.text({"name", "", "name of the interface in messages and histories"});
+  i.fluid =
+      t.text({"fluid", "", "name of the fluid's surface; \"boundary\" with separation = true: all of it"});
+  const Key solid{"solid", "", "name of the solid's surface, or a list of them"};
+  i.solid_surfaces = t.is_text("solid") || !t.has("solid") ? std::vector{t.text(solid)} : t.texts(solid, {});
+  for (const auto& surface : i.solid_surfaces)
+    i.solid += (i.solid.empty() ? "" : ", ") + surface;
+  const Key body{"body", "",
+                 "name of the [[solid]] that the surface belongs to; needed where there are several"};
+  i.body = solids.size() == 1 ? t.choice(body, solids[0], solids) : t.choice(body, solids);
+  i.kind = t.choice({"kind", "",
+                     "slip: only the normal velocity is continuous; no_slip: all of it, with separation = "
+                     "true where the fluid presses on the solid"},
+                    "slip", {"slip", "no_slip"});
+  i.separation =
+      t.boolean({"separation", "", "the fluid may leave the solid where the interface pulls"}, false);
+  if (i.separation != (i.fluid == InterfaceConfig::whole_boundary))
+    t.fail(
+        i.separation ? "fluid" : "separation",
+        "with separation = true any part of the fluid may meet the solid: write fluid = \"boundary\"; with "
+        "separation = false name the surface of the fluid that stays on it");
+  i.multiplier = t.choice({"multiplier", "", "the side that carries the Lagrange multipliers"}, "finer",
+                          {"finer", "fluid", "solid"});
+  return i;
+}
+
+/// What is solved, in which form of the window and by what, and what of it goes with what.
+void read_method(const CaseTable& t, CouplingConfig& config)
+{
   config.scheme =
       t.choice({"scheme", "",
                 "gc: Gravouil-Combescure, each side with its own step; staggered: for a foreign solid "
@@ -90,6 +85,23 @@ CouplingConfig read_coupling(const CaseFile& file)
                      "': all interfaces of a case either let the fluid leave or keep it; write the same "
                      "separation in "
                      "each [[interface]]");
+}
+
+} // namespace
+
+CouplingConfig read_coupling(const CaseFile& file)
+{
+  CouplingConfig config;
+  config.present = file.has_table("coupling") || file.has_table("interface");
+  config.solids = file.names_of("solid");
+  for (const std::string& name : config.solids)
+    if (name == "fluid" || name == "coupler")
+      throw InputError("solid.name = \"" + name + "\": another program has this role; choose another name");
+  for (const CaseTable& t :
+       file.tables("interface", "A pair of surfaces through which fluid and solid act on each other."))
+    config.interfaces.push_back(read_interface(t, config.solids));
+  const CaseTable t = file.table("coupling", "How the coupler runs.");
+  read_method(t, config);
   config.fine =
       t.choice({"fine", "", "the side with the smaller steps; auto: whichever has the smaller stable step"},
                "auto", {"auto", "fluid", "solid"});

@@ -170,8 +170,8 @@ public:
     write_row(n, half_of(0));
   }
 
-  /// In the plane, before the first sweep: what goes along the edges of these nodes. A group in two shares is of
-  /// the one before.
+  /// In the plane, before the first sweep: what goes along the edges of these nodes. A group in two shares is
+  /// of the one before.
   void share_out_edges(index_t begin, index_t end, bool first_share)
   {
     if constexpr (dim == 2)
@@ -313,7 +313,8 @@ void Fluid<dim>::smooth_mass_defect(std::vector<Vec<dim>>& v_half)
     defects.begin(n);
   halo_.update(sums_.record);
   if (dim == 2)
-    team_.each([&](const Share& share) { defects.share_out_edges(share.node_begin, share.node_end, team_.number(share) == 0); });
+    team_.each([&](const Share& share)
+               { defects.share_out_edges(share.node_begin, share.node_end, team_.number(share) == 0); });
   index_t reach = widest<dim>(own_elements()); // what a node gets in a sweep is of nodes so far off
   for (const index_t e : team_.earlier())
     reach = std::max(reach, widest<dim>({&mesh_.elements[static_cast<std::size_t>(e)], 1}));

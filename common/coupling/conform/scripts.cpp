@@ -235,6 +235,139 @@ const std::vector<Script>& scripts()
   return list;
 }
 
+namespace
+{
+
+/// Hears the hello, and refuses it.
+[[noreturn]] void play_hello(const Options& options, Findings& findings)
+{
+  judge_hello(options, findings);
+  const auto roster = encode(Roster{.major = 2,
+                                    .minor = 0,
+                                    .status = code::wrong_protocol,
+                                    .text = "undine-conform refuses every hello of this script",
+                                    .ranks = {}});
+  for (int rank = 1; rank <= options.ranks; ++rank)
+    MPI_Send(roster.data(), static_cast<int>(roster.size()), MPI_BYTE, rank, 21002, MPI_COMM_WORLD);
+  wait_for_the_end(options.limit);
+}
+
+bool is_in_contact(const std::string& script) { return script == "contact" || script == "contact force"; }
+bool is_in_flight(const std::string& script) { return script == "steps" || script == "flight"; }
+
+/// The program can play the script by what it has offered.
+bool applies(const std::string& script, const Options& options, const World& world)
+{
+  const auto can = [&](std::uint64_t what) { return (world.capabilities_of(options.role) & what) != 0; };
+  if (options.force_in && (script == "impulse" || script == "oversized count" || script == "trial"))
+    return false;
+  // A fluid in contact is shown the solid's surface first; that is played by the real coupler only.
+  if ((is_in_contact(script) || is_in_flight(script)) &&
+      (!can(capability::contact) || options.role == "fluid"))
+    return false;
+  return !(is_in_flight(script) && !can(capability::flight)) &&
+         !(script == "trial" && !can(capability::rewind));
+}
+
+/// After one wrong message the program must end the run.
+[[noreturn]] void play_wrong(const Wrong& wrong, const Options& options, std::unique_ptr<Channel> channel,
+                             const PartnerLink::PathMaker& path)
+{
+  PartnerLink link(
+      std::make_unique<TamperingChannel>(std::move(channel), wrong.type, wrong.which, wrong.tamper),
+      options.role, path);
+  try
+  {
+    converse(link, options, {}, nullptr);
+  }
+  catch (const ProtocolError&)
+  {
+    // the program fell silent or complained; it must end the run now
+  }
+  wait_for_the_end(options.limit);
+}
+
+/// Scripts that the program must end itself; returns for all others.
+void play_refusal(const std::string& script, PartnerLink& link, const Options& options, Findings& findings)
+{
+  if (script == "unknown interface")
+  {
+    Setup setup = setup_of(options);
+    setup.interfaces = {"an interface that nobody has"};
+    link.send_setup(setup);
+    const auto mesh = link.receive_mesh(); // throws when the program says FAIL, which is one right answer
+    const bool has_it = !mesh.face_interface.empty() && mesh.interfaces == setup.interfaces;
+    // A program that gives its only surface to whatever interface is asked for has nothing to refuse.
+    findings.note("6.2", has_it ? "the program takes any interface name" : "the program answers with a MESH");
+    link.reject_mesh("undine-conform: there is no such interface");
+    wait_for_the_end(options.limit);
+  }
+  if (script == "rejected mesh")
+  {
+    link.send_setup(setup_of(options));
+    link.receive_mesh();
+    link.reject_mesh("undine-conform does not like it");
+    wait_for_the_end(options.limit);
+  }
+  if (script == "failed partner" || script == "silent coupler")
+  {
+    SurfaceMesh mesh;
+    const Report report = begin(link, options, mesh);
+    link.send_window({.index = 0, .t_begin = 0.0, .t_end = 0.02 * report.stable_dt, .steps = 1});
+    std::vector<double> v(mesh.x.size());
+    if (!options.force_in)
+      link.receive_free_velocity(v);
+    if (script == "failed partner")
+      link.send_failure(10, "undine-conform pretends to have failed, step 1, t = 0 s");
+    wait_for_the_end(options.limit + options.stall);
+  }
+}
+
+/// The answers of the program to a whole conversation are kept, or compared with those that are.
+void play_record(const std::string& script, PartnerLink& link, const Options& options, Findings& findings)
+{
+  if (is_in_flight(script))
+  {
+    const Record record = fly(link, options, script == "flight", findings);
+    if (script == "flight")
+      judge_flight(record, options.folder, findings);
+    else
+      write_record(options.folder + "/steps", record);
+    return;
+  }
+  Push push;
+  push.activation = script == "impulse";
+  push.exchange = script == "coarse force" || script == "contact force" ? 1 : script == "fine force" ? 3 : -1;
+  const Record record =
+      is_in_contact(script)
+          ? converse_in_contact(link, options, push, script == "contact" ? &findings : nullptr)
+          : converse(link, options, push, script == "rest" || script == "trial" ? &findings : nullptr,
+                     script == "trial");
+  if (script == "contact")
+    write_record(options.folder + "/contact", record);
+  else if (script == "contact force")
+    play_contact(record, options.folder, findings);
+  else if (script == "rest")
+    write_record(options.folder + "/rest", record);
+  else if (script == "repeat")
+  {
+    const auto rest = read_record(options.folder + "/rest", record);
+    findings.expect(rest == record.v_free, "4.3", "the same orders give the same answers, bit by bit");
+  }
+  else if (script == "trial")
+  {
+    const auto rest = read_record(options.folder + "/rest", record);
+    findings.expect(rest == record.v_free, "4.8",
+                    "after windows on trial the answers are those of a run without, bit by bit");
+  }
+  else if (options.force_in)
+    play_force(script, record, options.folder, findings);
+  else
+    play_push(script, record, options.folder, findings);
+}
+
+} // namespace
+
 int play(const std::string& script, const Options& given, int argc, char** argv)
 {
   Options options = given;
@@ -244,129 +377,25 @@ int play(const std::string& script, const Options& given, int argc, char** argv)
   try
   {
     if (script == "hello")
-    {
-      judge_hello(options, findings);
-      const auto roster = encode(Roster{.major = 2,
-                                        .minor = 0,
-                                        .status = code::wrong_protocol,
-                                        .text = "undine-conform refuses every hello of this script",
-                                        .ranks = {}});
-      for (int rank = 1; rank <= options.ranks; ++rank)
-        MPI_Send(roster.data(), static_cast<int>(roster.size()), MPI_BYTE, rank, 21002, MPI_COMM_WORLD);
-      wait_for_the_end(options.limit);
-    }
+      play_hello(options, findings);
     const World world = meet(options);
     auto channel = world.channel(options.role);
     const auto path = [&](int rank) { return world.path(options.role, rank); };
     options.force_in = (world.capabilities_of(options.role) & capability::link) == 0;
-    const auto can = [&](std::uint64_t what) { return (world.capabilities_of(options.role) & what) != 0; };
-    const bool in_contact = script == "contact" || script == "contact force";
-    const bool in_flight = script == "steps" || script == "flight";
-    // A fluid in contact is shown the solid's surface first; that is played by the real coupler only.
-    const bool can_contact = can(capability::contact) && options.role != "fluid";
-    if ((options.force_in && (script == "impulse" || script == "oversized count" || script == "trial")) ||
-        ((in_contact || in_flight) && !can_contact) || (in_flight && !can(capability::flight)) ||
-        (script == "trial" && !can(capability::rewind)))
-    {
+    const bool is_played = applies(script, options, world);
+    if (!is_played)
       std::ofstream(options.folder + "/" + not_applicable) << script;
-      PartnerLink link(std::move(channel), options.role, path);
-      converse(link, options, {}, nullptr);
-      MPI_Finalize();
-      return 0;
-    }
-
     for (const auto& [wrong_script, wrong] : wrong_messages())
-      if (wrong_script.name == script)
-      {
-        PartnerLink link(
-            std::make_unique<TamperingChannel>(std::move(channel), wrong.type, wrong.which, wrong.tamper),
-            options.role, path);
-        try
-        {
-          converse(link, options, {}, nullptr);
-        }
-        catch (const ProtocolError&)
-        {
-          // the program fell silent or complained; it must end the run now
-        }
-        wait_for_the_end(options.limit);
-      }
-
+      if (is_played && wrong_script.name == script)
+        play_wrong(wrong, options, std::move(channel), path);
     PartnerLink link(std::move(channel), options.role, path);
-    if (script == "unknown interface")
+    if (is_played)
     {
-      Setup setup = setup_of(options);
-      setup.interfaces = {"an interface that nobody has"};
-      link.send_setup(setup);
-      const auto mesh = link.receive_mesh(); // throws when the program says FAIL, which is one right answer
-      const bool has_it = !mesh.face_interface.empty() && mesh.interfaces == setup.interfaces;
-      // A program that gives its only surface to whatever interface is asked for has nothing to refuse.
-      findings.note("6.2",
-                    has_it ? "the program takes any interface name" : "the program answers with a MESH");
-      link.reject_mesh("undine-conform: there is no such interface");
-      wait_for_the_end(options.limit);
+      play_refusal(script, link, options, findings);
+      play_record(script, link, options, findings);
     }
-    if (script == "rejected mesh")
-    {
-      link.send_setup(setup_of(options));
-      link.receive_mesh();
-      link.reject_mesh("undine-conform does not like it");
-      wait_for_the_end(options.limit);
-    }
-    if (script == "failed partner" || script == "silent coupler")
-    {
-      SurfaceMesh mesh;
-      const Report report = begin(link, options, mesh);
-      link.send_window({.index = 0, .t_begin = 0.0, .t_end = 0.02 * report.stable_dt, .steps = 1});
-      std::vector<double> v(mesh.x.size());
-      if (!options.force_in)
-        link.receive_free_velocity(v);
-      if (script == "failed partner")
-        link.send_failure(10, "undine-conform pretends to have failed, step 1, t = 0 s");
-      wait_for_the_end(options.limit + options.stall);
-    }
-
-    if (in_flight)
-    {
-      const Record record = fly(link, options, script == "flight", findings);
-      if (script == "flight")
-        judge_flight(record, options.folder, findings);
-      else
-        write_record(options.folder + "/steps", record);
-      MPI_Finalize();
-      return 0;
-    }
-
-    Push push;
-    push.activation = script == "impulse";
-    push.exchange = script == "coarse force" || script == "contact force" ? 1
-                    : script == "fine force"                              ? 3
-                                                                          : -1;
-    const Record record =
-        in_contact ? converse_in_contact(link, options, push, script == "contact" ? &findings : nullptr)
-                   : converse(link, options, push,
-                              script == "rest" || script == "trial" ? &findings : nullptr, script == "trial");
-    if (script == "contact")
-      write_record(options.folder + "/contact", record);
-    else if (script == "contact force")
-      play_contact(record, options.folder, findings);
-    else if (script == "rest")
-      write_record(options.folder + "/rest", record);
-    else if (script == "repeat")
-    {
-      const auto rest = read_record(options.folder + "/rest", record);
-      findings.expect(rest == record.v_free, "4.3", "the same orders give the same answers, bit by bit");
-    }
-    else if (script == "trial")
-    {
-      const auto rest = read_record(options.folder + "/rest", record);
-      findings.expect(rest == record.v_free, "4.8",
-                      "after windows on trial the answers are those of a run without, bit by bit");
-    }
-    else if (options.force_in)
-      play_force(script, record, options.folder, findings);
     else
-      play_push(script, record, options.folder, findings);
+      converse(link, options, {}, nullptr);
   }
   catch (const ProtocolError& error)
   {
