@@ -5,6 +5,7 @@
 #include "common/config/nearest_word.hpp"
 #include "common/error.hpp"
 #include "common/parallel/exact_sum.hpp"
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/critical_time_step.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -309,18 +310,36 @@ template <int dim>
 FluidEnergy Fluid<dim>::energy_of_state(bool whole, std::span<const Vec<dim>> v_half) const
 {
   const Vec<dim> g = gravity();
-  ExactSum kinetic, internal, potential;
-  const auto [begin, end] = rows_to_sum(whole);
-  for (std::size_t i = begin; i < end; ++i)
+  struct Sums
+  {
+    ExactSum kinetic, internal, potential;
+  };
+  const auto add = [&](std::size_t i, Sums& sums)
   {
     const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
-    kinetic.add(0.5 * nodes_.M[i] *
-                (v_half.empty() ? dot(nodes_.v[i] - kick, nodes_.v[i] + kick) : norm_squared(v_half[i])));
+    sums.kinetic.add(
+        0.5 * nodes_.M[i] *
+        (v_half.empty() ? dot(nodes_.v[i] - kick, nodes_.v[i] + kick) : norm_squared(v_half[i])));
     const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
                         nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
     if (!opened)
-      internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
-    potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
+      sums.internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
+    sums.potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
+  };
+  const auto [first, last] = rows_to_sum(whole);
+  std::vector<Sums> parts(static_cast<std::size_t>(team_.threads()));
+  in_parts(team_.threads(), last - first,
+           [&, from = first](int part, std::size_t begin, std::size_t end)
+           {
+             for (std::size_t i = from + begin; i < from + end; ++i)
+               add(i, parts[static_cast<std::size_t>(part)]);
+           });
+  auto& [kinetic, internal, potential] = parts.front();
+  for (std::size_t part = 1; part < parts.size(); ++part)
+  {
+    kinetic += parts[part].kinetic;
+    internal += parts[part].internal;
+    potential += parts[part].potential;
   }
   if (!whole)
     ranks().sum({&kinetic, &internal, &potential});
@@ -432,8 +451,8 @@ void Fluid<dim>::for_each_state(StateArchive& archive)
     sums_.body.resize(nodes_.x.size());
     archive.rows("body", sums_.body, own);
   }
-  sums_.record.resize(nodes_.x.size());
-  sums_.sum.resize(nodes_.x.size());
+  sums_.make_room(nodes_.size());
+  sums_.clear(team_.node_begin(), team_.node_end());
   delaunay_.forget(); // both runs then go on with a rebuild
   archive("e_layer", e_layer_);
   archive.rows("mass_rate", mass_rate_, own);

@@ -399,7 +399,7 @@ private:
   double travel_ = 0.0; ///< of the fastest fluid and solid nodes since the wet nodes were chosen [m]
   FluidNodes<dim> nodes_;
   FluidMesh<dim> mesh_;
-  LocalDelaunay<dim> delaunay_;
+  LocalDelaunay<dim> delaunay_{config_.threads};
   ElementSums<dim> sums_;
   Team team_;
   Halo halo_;

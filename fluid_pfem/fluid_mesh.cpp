@@ -1,10 +1,12 @@
 // Adjacency of simplices.
 #include "fluid_pfem/fluid_mesh.hpp"
 
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace undine::fluid
 {
@@ -83,7 +85,7 @@ void chain(std::span<FanEntry<2>> fan)
 }
 
 /// Of a mesh whose fans are chained.
-void find_rings(FluidMesh<2>& mesh)
+void find_rings(FluidMesh<2>& mesh, int threads)
 {
   const auto n_nodes = static_cast<std::size_t>(mesh.end_with_fan() - mesh.first_with_fan);
   const std::size_t groups = (n_nodes + Lanes::size - 1) / Lanes::size;
@@ -103,38 +105,52 @@ void find_rings(FluidMesh<2>& mesh)
     if (fan.empty())
       visit(n);
   };
+  const auto each_node = [&](auto&& visit) // visit(k), the nodes of a group in one part
+  {
+    in_parts(threads, n_nodes, Lanes::size,
+             [&](int, std::size_t begin, std::size_t end)
+             {
+               for (std::size_t k = begin; k < end; ++k)
+                 visit(k);
+             });
+  };
   Rings& rings = mesh.rings;
   rings.begin.assign(groups + 1, 0);
-  for (std::size_t k = 0; k < n_nodes; ++k)
-  {
-    index_t neighbours = 0;
-    each_neighbour(k, [&neighbours](index_t) { ++neighbours; });
-    index_t& most = rings.begin[k / Lanes::size + 1];
-    most = std::max(most, neighbours);
-  }
+  each_node(
+      [&](std::size_t k)
+      {
+        index_t neighbours = 0;
+        each_neighbour(k, [&neighbours](index_t) { ++neighbours; });
+        index_t& most = rings.begin[k / Lanes::size + 1];
+        most = std::max(most, neighbours);
+      });
   for (std::size_t g = 0; g < groups; ++g)
     rings.begin[g + 1] += rings.begin[g];
-  rings.row.assign(static_cast<std::size_t>(rings.begin.back()), {});
-  for (std::size_t k = 0; k < n_nodes; ++k)
-  {
-    const std::size_t g = k / Lanes::size, lane = k % Lanes::size;
-    auto row = static_cast<std::size_t>(rings.begin[g]);
-    const std::size_t first = row, end = static_cast<std::size_t>(rings.begin[g + 1]);
-    each_neighbour(k, [&](index_t j) { rings.row[row++][lane] = 2 * j; });
-    for (; row < end; ++row)
-      rings.row[row][lane] = rings.row[first][lane];
-  }
+  rings.row = UntouchedRows<Rings::Row>();
+  rings.row.resize(static_cast<std::size_t>(rings.begin.back()));
+  if (groups > 0) // of which some may be no nodes
+    std::fill(rings.row.begin() + rings.begin[groups - 1], rings.row.end(), Rings::Row{});
+  each_node(
+      [&](std::size_t k)
+      {
+        const std::size_t g = k / Lanes::size, lane = k % Lanes::size;
+        auto row = static_cast<std::size_t>(rings.begin[g]);
+        const std::size_t first = row, end = static_cast<std::size_t>(rings.begin[g + 1]);
+        each_neighbour(k, [&](index_t j) { rings.row[row++][lane] = 2 * j; });
+        for (; row < end; ++row)
+          rings.row[row][lane] = rings.row[first][lane];
+      });
 }
 
 /// Facets without a neighbour. In the plane the edge n → opposite[0] is one if no entry of n's fan ends where
 /// it begins; in space facets are matched by sorting.
 template <int dim>
-std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, index_t end)
+std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, index_t end, int threads)
 {
   std::vector<Facet<dim>> boundary;
   if constexpr (dim == 2)
   {
-    for (index_t n = begin; n < end; ++n)
+    const auto look_at = [&mesh](index_t n, std::vector<Facet<2>>& list)
     {
       const auto fan = stored_fan(mesh, n);
       for (std::size_t k = 0; k < fan.size(); ++k)
@@ -146,9 +162,15 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, i
             std::any_of(fan.begin(), fan.end(),
                         [&](const auto& f) { return f.opposite[1] == fan[k].opposite[0]; });
         if (!has_neighbour)
-          boundary.push_back({n, fan[k].opposite[0]});
+          list.push_back({n, fan[k].opposite[0]});
       }
-    }
+    };
+    boundary = list_in_parts<Facet<2>>(threads, static_cast<std::size_t>(end - begin), 0,
+                                       [&](std::vector<Facet<2>>& list, std::size_t low, std::size_t high)
+                                       {
+                                         for (std::size_t k = low; k < high; ++k)
+                                           look_at(begin + static_cast<index_t>(k), list);
+                                       });
   }
   else
   {
@@ -187,30 +209,68 @@ std::vector<Facet<dim>> boundary_of(const FluidMesh<dim>& mesh, index_t begin, i
 } // namespace
 
 template <int dim>
-std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements)
+std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements, int threads)
 {
   if (elements.empty())
     return elements;
-  index_t lowest = std::numeric_limits<index_t>::max(), highest = std::numeric_limits<index_t>::min();
-  for (auto& e : elements)
+  struct Range
   {
-    e = canonical<dim>(e);
-    lowest = std::min(lowest, e[0]);
-    highest = std::max(highest, e[0]);
-  }
+    index_t lowest = std::numeric_limits<index_t>::max(), highest = std::numeric_limits<index_t>::min();
+  };
+  std::vector<Range> range(static_cast<std::size_t>(threads)); // of the first corners, part by part
+  const auto in_each_part = [&](auto&& act)
+  {
+    in_parts(threads, elements.size(),
+             [&](int part, std::size_t begin, std::size_t end)
+             { act(static_cast<std::size_t>(part), std::span(elements).subspan(begin, end - begin)); });
+  };
+  in_each_part(
+      [&](std::size_t part, std::span<Simplex<dim>> these)
+      {
+        Range here;
+        for (auto& e : these)
+        {
+          e = canonical<dim>(e);
+          here.lowest = std::min(here.lowest, e[0]);
+          here.highest = std::max(here.highest, e[0]);
+        }
+        range[part] = here;
+      });
+  Range all;
+  for (const Range& here : range)
+    all = {std::min(all.lowest, here.lowest), std::max(all.highest, here.highest)};
   // By the first corner with a count, then the few that share it.
-  std::vector<index_t> begin(static_cast<std::size_t>(highest - lowest) + 2, 0);
-  for (const auto& e : elements)
-    ++begin[static_cast<std::size_t>(e[0] - lowest + 1)];
-  for (std::size_t n = 1; n < begin.size(); ++n)
-    begin[n] += begin[n - 1];
+  const auto keys = static_cast<std::size_t>(all.highest - all.lowest) + 1;
+  const auto key = [&all](const Simplex<dim>& e) { return static_cast<std::size_t>(e[0] - all.lowest); };
+  std::vector<std::vector<index_t>> next(range.size()); // place of the next element of a part with that key
+  in_each_part(
+      [&](std::size_t part, std::span<const Simplex<dim>> these)
+      {
+        next[part].resize(keys, 0);
+        for (const auto& e : these)
+          ++next[part][key(e)];
+      });
+  std::erase_if(next, [](const auto& counts) { return counts.empty(); });
+  for (std::size_t k = 0, place = 0; k < keys; ++k)
+    for (auto& counts : next)
+      place += static_cast<std::size_t>(std::exchange(counts[k], static_cast<index_t>(place)));
   std::vector<Simplex<dim>> sorted(elements.size());
-  std::vector<index_t> next(begin.begin(), begin.end() - 1);
-  for (const auto& e : elements)
-    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(e[0] - lowest)]++)] = e;
-  for (auto it = sorted.begin() + 1; it < sorted.end(); ++it) // by insertion: not far
-    for (auto at = it; at != sorted.begin() && *at < *(at - 1); --at)
-      std::iter_swap(at, at - 1);
+  in_each_part(
+      [&](std::size_t part, std::span<const Simplex<dim>> these)
+      {
+        for (const auto& e : these)
+          sorted[static_cast<std::size_t>(next[part][key(e)]++)] = e;
+      });
+  const auto& end_of = next.back(); // now of each key
+  in_parts(threads, keys,
+           [&](int, std::size_t begin, std::size_t end)
+           {
+             const auto first = sorted.begin() + (begin == 0 ? 0 : end_of[begin - 1]),
+                        last = sorted.begin() + end_of[end - 1];
+             for (auto it = first; it != last; ++it) // by insertion: not far
+               for (auto at = it; at != first && *at < *(at - 1); --at)
+                 std::iter_swap(at, at - 1);
+           });
   return sorted;
 }
 
@@ -272,20 +332,31 @@ index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n)
 
 template <int dim>
 void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const index_t> earlier,
-               index_t e_begin, index_t e_end)
+               index_t e_begin, index_t e_end, int threads)
 {
-  const auto each_corner = [&](auto&& visit) // that is one of the nodes
+  const std::span<const Simplex<dim>> elements(mesh.elements.data() + e_begin, mesh.elements.data() + e_end);
+  const index_t reach = threads > 1 ? widest<dim>(elements) : 0; // of a node to the lowest one beside it
+  const auto each_corner = [&](auto&& visit)                     // that is one of the nodes
   {
-    const auto look = [&](index_t e)
-    {
-      const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
-      for (int a = 0; a <= dim; ++a)
-        if (const index_t n = nodes[static_cast<std::size_t>(a)]; n >= begin && n < end)
-          visit(e, a, static_cast<std::size_t>(n - begin));
-    };
-    std::for_each(earlier.begin(), earlier.end(), look);
-    for (index_t e = e_begin; e < e_end; ++e)
-      look(e);
+    in_parts(threads, static_cast<std::size_t>(end - begin),
+             [&](int, std::size_t first, std::size_t last)
+             {
+               const index_t low = begin + static_cast<index_t>(first),
+                             high = begin + static_cast<index_t>(last);
+               const auto look = [&](index_t e)
+               {
+                 const auto& nodes = mesh.elements[static_cast<std::size_t>(e)];
+                 for (int a = 0; a <= dim; ++a)
+                   if (const index_t n = nodes[static_cast<std::size_t>(a)]; n >= low && n < high)
+                     visit(e, a, static_cast<std::size_t>(n - begin));
+               };
+               std::for_each(earlier.begin(), earlier.end(), look);
+               const index_t from = low > begin ? first_element_from<dim>(elements, low - reach) : 0,
+                             to = high < end ? first_element_from<dim>(elements, high)
+                                             : static_cast<index_t>(elements.size());
+               for (index_t e = e_begin + from; e < e_begin + to; ++e)
+                 look(e);
+             });
   };
   mesh.first_with_fan = begin;
   auto& first = mesh.fan_begin;
@@ -293,6 +364,7 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
   each_corner([&](index_t, int, std::size_t k) { ++first[k + 1]; });
   for (std::size_t k = 1; k < first.size(); ++k)
     first[k] += first[k - 1];
+  mesh.fans = UntouchedRows<FanEntry<dim>>();
   mesh.fans.resize(static_cast<std::size_t>(first.back()));
   std::vector<index_t> next(first.begin(), first.end() - 1);
   each_corner(
@@ -303,13 +375,17 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
       });
   if constexpr (dim == 2)
   {
-    for (std::size_t k = 0; k + 1 < first.size(); ++k)
-      chain({mesh.fans.data() + first[k], mesh.fans.data() + first[k + 1]});
-    find_rings(mesh);
+    in_parts(threads, next.size(),
+             [&](int, std::size_t low, std::size_t high)
+             {
+               for (std::size_t k = low; k < high; ++k)
+                 chain({mesh.fans.data() + first[k], mesh.fans.data() + first[k + 1]});
+             });
+    find_rings(mesh, threads);
   }
-  mesh.boundary = boundary_of(mesh, begin, end);
+  mesh.boundary = boundary_of(mesh, begin, end, threads);
   if constexpr (dim == 2)
-    mesh.fans = std::vector<FanEntry<dim>>();
+    mesh.fans = UntouchedRows<FanEntry<dim>>();
 }
 
 template <int dim>
@@ -321,10 +397,10 @@ FluidMesh<dim> connect(index_t n_nodes, std::vector<Simplex<dim>> elements)
   return mesh;
 }
 
-template void find_fans<2>(FluidMesh<2>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
-template void find_fans<3>(FluidMesh<3>&, index_t, index_t, std::span<const index_t>, index_t, index_t);
-template std::vector<Simplex<2>> sorted_elements<2>(std::vector<Simplex<2>>);
-template std::vector<Simplex<3>> sorted_elements<3>(std::vector<Simplex<3>>);
+template void find_fans<2>(FluidMesh<2>&, index_t, index_t, std::span<const index_t>, index_t, index_t, int);
+template void find_fans<3>(FluidMesh<3>&, index_t, index_t, std::span<const index_t>, index_t, index_t, int);
+template std::vector<Simplex<2>> sorted_elements<2>(std::vector<Simplex<2>>, int);
+template std::vector<Simplex<3>> sorted_elements<3>(std::vector<Simplex<3>>, int);
 template index_t first_element_from<2>(std::span<const Simplex<2>>, index_t);
 template index_t first_element_from<3>(std::span<const Simplex<3>>, index_t);
 template std::vector<Simplex<2>> sorted_over_ranks<2>(std::vector<Simplex<2>>, const Ranks&);

@@ -4,6 +4,7 @@
 
 #include "common/lanes.hpp"
 #include "common/parallel/ranks.hpp"
+#include "common/parallel/untouched_rows.hpp"
 #include "common/tensor.hpp"
 #include "common/types.hpp"
 #include "fluid_pfem/period.hpp"
@@ -82,8 +83,8 @@ struct Rings
 {
   using Row = std::array<index_t, Lanes::size>;
   std::vector<index_t> begin; ///< first row of each group of eight nodes, and the end
-  std::vector<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
-                        ///< ring has no more, its first again
+  UntouchedRows<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
+                          ///< ring has no more, its first again
 
   /// Of node n, number k among those with rings, at so many elements.
   PlaneFan fan(index_t n, std::size_t k, index_t elements) const
@@ -107,11 +108,11 @@ struct FluidMesh
 {
   std::vector<Simplex<dim>>
       elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
-  std::vector<Facet<dim>> boundary; ///< outward facets that belong to one element only
-  std::vector<index_t> fan_begin;   ///< of each node with a fan, and the end
-  std::vector<FanEntry<dim>> fans;  ///< in space; in the plane there are rings instead
-  Rings rings;                      ///< in the plane, of the nodes with a fan
-  index_t first_with_fan = 0;       ///< of the nodes whose fans are here: those that find_fans was asked for
+  std::vector<Facet<dim>> boundary;  ///< outward facets that belong to one element only
+  std::vector<index_t> fan_begin;    ///< of each node with a fan, and the end
+  UntouchedRows<FanEntry<dim>> fans; ///< in space; in the plane there are rings instead
+  Rings rings;                       ///< in the plane, of the nodes with a fan
+  index_t first_with_fan = 0;        ///< of the nodes whose fans are here: those that find_fans was asked for
 
   // Of a node with a fan.
   /// In the plane a PlaneFan, in space a span of `fans`.
@@ -162,7 +163,7 @@ index_t widest(std::span<const Simplex<dim>> elements)
 
 /// Elements in the one form and order that depend on the set only.
 template <int dim>
-std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements);
+std::vector<Simplex<dim>> sorted_elements(std::vector<Simplex<dim>> elements, int threads = 1);
 
 /// [begin, end) of n rows that all ranks have: the part that this one looks at.
 std::array<std::size_t, 2> rows_of_rank(std::size_t n, const Ranks& ranks);
@@ -182,7 +183,7 @@ index_t first_element_from(std::span<const Simplex<dim>> sorted, index_t n);
 /// their order
 template <int dim>
 void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const index_t> earlier,
-               index_t e_begin, index_t e_end);
+               index_t e_begin, index_t e_end, int threads = 1);
 
 /// Sort the elements, find the boundary and the fans.
 template <int dim>

@@ -360,14 +360,16 @@ UNDINE_FLATTEN double element_pass(const FluidMesh<dim>& mesh, const FluidNodes<
 } // namespace
 
 template <int dim>
-void ElementSums<dim>::reset(index_t n, index_t begin, index_t end)
+void ElementSums<dim>::make_room(index_t n)
 {
   record.resize(static_cast<std::size_t>(n));
-  const bool is_new = sum.capacity() == 0; // then it is zero
   sum.resize(static_cast<std::size_t>(n));
-  if (!is_new)
-    std::fill(sum.begin() + begin, sum.begin() + end, FourNumbers{});
-  body.clear();
+}
+
+template <int dim>
+void ElementSums<dim>::clear(index_t begin, index_t end)
+{
+  std::fill(sum.begin() + begin, sum.begin() + end, FourNumbers{});
 }
 
 template <int dim>

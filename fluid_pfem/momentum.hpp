@@ -58,8 +58,10 @@ struct ElementSums
   std::vector<double> heat;       ///< energy turned into heat by q and τ since the last remesh, per block of
                                   ///< elements [J]
 
-  /// Records and sums for n nodes, zero the sums of nodes [begin, end); no body force.
-  void reset(index_t n, index_t begin, index_t end);
+  /// Records and sums for n nodes.
+  void make_room(index_t n);
+  /// The sums of nodes [begin, end) become zero.
+  void clear(index_t begin, index_t end);
 };
 
 /// What an element pass sees of shapes by the way: no element that is_worse() would find.

@@ -1,6 +1,8 @@
 // Contact with rigid walls.
 #include "fluid_pfem/walls.hpp"
 
+#include "common/parallel/in_parts.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -66,23 +68,31 @@ void Walls<dim>::move(double t, const Placement& from, Placement& to) const
 }
 
 template <int dim>
-void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin)
+void Walls<dim>::find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin,
+                                 int threads)
 {
   margin_ = margin;
   blocks_.clear();
-  add_blocks(x, begin, end);
+  add_blocks(x, begin, end, threads);
   own_blocks_ = {0, static_cast<index_t>(blocks_.size())};
 }
 
 template <int dim>
-void Walls<dim>::add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end)
+void Walls<dim>::add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end, int threads)
 {
+  const std::size_t before = blocks_.size();
+  const auto nodes = static_cast<std::size_t>(std::max(begin, end) - begin);
   while (begin < end)
   {
     blocks_.emplace_back().begin = begin;
     blocks_.back().end = begin = std::min(begin + block_size, end);
-    find_candidates(blocks_.back(), path_.back(), x);
   }
+  in_parts(threads, nodes, block_size,
+           [&](int, std::size_t first, std::size_t last)
+           {
+             for (std::size_t n = first; n < last; n += block_size)
+               find_candidates(blocks_[before + n / block_size], path_.back(), x);
+           });
 }
 
 template <int dim>

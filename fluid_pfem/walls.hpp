@@ -47,7 +47,8 @@ public:
   /// Nodes near walls among [begin, end), as candidates for contact until something has moved by `margin`
   /// [m]: in blocks of consecutive nodes, each until one of its own has. What contact does to a node does not
   /// depend on when they were found.
-  void find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin);
+  void find_candidates(std::span<const Vec<dim>> x, index_t begin, index_t end, double margin,
+                       int threads = 1);
   /// Beside the nodes of find_candidates, more of them, before and behind: from `begin` to `end` in all. They
   /// get blocks of their own, until the next call of either.
   void surround(std::span<const Vec<dim>> x, index_t begin, index_t end);
@@ -196,7 +197,7 @@ private:
     std::vector<Candidate> candidates; ///< those of one node are adjacent
   };
   void find_candidates(Block& block, const Placement& walls, std::span<const Vec<dim>> x) const;
-  void add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end);
+  void add_blocks(std::span<const Vec<dim>> x, index_t begin, index_t end, int threads = 1);
   std::vector<Block> blocks_;
   std::array<index_t, 2> own_blocks_{};
   Reaction reaction_;

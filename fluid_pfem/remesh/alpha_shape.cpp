@@ -1,6 +1,7 @@
 // Circumradius filter, with and without memory.
 #include "fluid_pfem/remesh/alpha_shape.hpp"
 
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/eight.hpp"
 #include "fluid_pfem/remesh/old_domain.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -144,7 +145,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
                               std::vector<Simplex<dim>> delaunay, std::span<const Vec<dim>> old_x,
                               std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules,
-                              const Ranks& ranks)
+                              const Ranks& ranks, int threads)
 {
   // Simplices of inner nodes stay fluid unless they are huge; for those with a corner on the boundary it
   // matters whether they were. Most simplices of the convex hull are far larger than anything that can be
@@ -155,13 +156,11 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     std::array<Vec<dim>, dim + 1> corner;
     double R, h;
     int boundary;
+    bool watched, possible;
   };
-  std::vector<Doubtful> doubtful;
-  std::vector<Vec<dim>> centroids;
-  std::vector<char> is_fluid(delaunay.size(), 0);
-  std::vector<std::size_t> gaps; // less those that turn out to be fluid
+  UntouchedRows<char> is_fluid(delaunay.size());
   const double finest = range_of(nodes.h)[0];
-  const auto look_at = [&](std::size_t s)
+  const auto look_at = [&](std::size_t s, std::vector<Doubtful>& list)
   {
     const auto& simplex = delaunay[s];
     int boundary = 0;
@@ -175,40 +174,48 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                possible =
                    R <= possible_radius * std::max(largest, boundary == 0 ? rules.keep_inner : 0.0) * h;
     if (!(watched || possible) || on_one_piece<dim>(simplex, wall_pieces))
-      return;
-    if (watched)
-      gaps.push_back(s);
-    if (!possible)
-      return;
-    if (boundary == 0 && R <= rules.keep_inner * h)
-    {
-      is_fluid[s] = 1;
-      return;
-    }
-    Vec<dim> centroid{};
-    for (const auto& p : corner)
-      centroid += (1.0 / (dim + 1)) * p;
-    doubtful.push_back({s, corner, R, h, boundary});
-    centroids.push_back(nodes.period.wrapped(centroid));
+      return void(is_fluid[s] = 0);
+    is_fluid[s] = boundary == 0 && R <= rules.keep_inner * h;
+    if (!is_fluid[s])
+      list.push_back({s, corner, R, h, boundary, watched, possible});
   };
-  for (std::size_t begin = 0; begin < delaunay.size(); begin += Lanes::size)
+  auto doubtful = list_in_parts<Doubtful>(
+      threads, delaunay.size(), 0,
+      [&](std::vector<Doubtful>& list, std::size_t first, std::size_t last)
+      {
+        for (std::size_t begin = first; begin < last; begin += Lanes::size)
+        {
+          const auto these =
+              std::span(delaunay).subspan(begin, std::min<std::size_t>(Lanes::size, last - begin));
+          const bool inner =
+              these.size() == Lanes::size && eight_are_inner<dim>(these, nodes, rules.keep_inner * finest);
+          for (std::size_t s = begin; s < begin + these.size(); ++s)
+            if (inner)
+              is_fluid[s] = !on_one_piece<dim>(delaunay[s], wall_pieces);
+            else
+              look_at(s, list);
+        }
+      });
+  std::vector<std::size_t> gaps; // less those that turn out to be fluid
+  for (const Doubtful& d : doubtful)
+    if (d.watched)
+      gaps.push_back(d.simplex);
+  std::erase_if(doubtful, [](const Doubtful& d) { return !d.possible; });
+  std::vector<Vec<dim>> centroids;
+  for (const Doubtful& d : doubtful)
   {
-    const auto these =
-        std::span(delaunay).subspan(begin, std::min<std::size_t>(Lanes::size, delaunay.size() - begin));
-    const bool inner =
-        these.size() == Lanes::size && eight_are_inner<dim>(these, nodes, rules.keep_inner * finest);
-    for (std::size_t s = begin; s < begin + these.size(); ++s)
-      if (inner)
-        is_fluid[s] = !on_one_piece<dim>(delaunay[s], wall_pieces);
-      else
-        look_at(s);
+    Vec<dim> centroid{};
+    for (const auto& p : d.corner)
+      centroid += (1.0 / (dim + 1)) * p;
+    centroids.push_back(nodes.period.wrapped(centroid));
   }
-  const std::vector<char> was_inside = inside<dim>(old_x, old_elements, centroids, bin, nodes.period, ranks);
+  const std::vector<char> was_inside =
+      inside<dim>(old_x, old_elements, centroids, bin, nodes.period, ranks, threads);
 
   ShapeChoice<dim> choice;
   for (std::size_t d = 0; d < doubtful.size(); ++d)
   {
-    const auto& [s, corner, R, h, boundary] = doubtful[d];
+    const auto& [s, corner, R, h, boundary, watched, possible] = doubtful[d];
     const auto& simplex = delaunay[s];
     const bool was_fluid = boundary == 0 || was_inside[d];
     bool fluid = false;
@@ -245,9 +252,11 @@ template std::vector<Simplex<3>> alpha_shape<3>(std::span<const Vec<3>>, std::sp
                                                 const std::vector<Simplex<3>>&, const Period<3>&);
 template ShapeChoice<2> choose_fluid<2>(const FluidNodes<2>&, const std::vector<std::array<int, 3>>&,
                                         std::vector<Simplex<2>>, std::span<const Vec<2>>,
-                                        std::span<const Simplex<2>>, double, const ShapeRules&, const Ranks&);
+                                        std::span<const Simplex<2>>, double, const ShapeRules&, const Ranks&,
+                                        int);
 template ShapeChoice<3> choose_fluid<3>(const FluidNodes<3>&, const std::vector<std::array<int, 3>>&,
                                         std::vector<Simplex<3>>, std::span<const Vec<3>>,
-                                        std::span<const Simplex<3>>, double, const ShapeRules&, const Ranks&);
+                                        std::span<const Simplex<3>>, double, const ShapeRules&, const Ranks&,
+                                        int);
 
 } // namespace undine::fluid

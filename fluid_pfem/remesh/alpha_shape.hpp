@@ -53,7 +53,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
                               const std::vector<std::array<int, 3>>& wall_pieces,
                               std::vector<Simplex<dim>> delaunay, std::span<const Vec<dim>> old_x,
                               std::span<const Simplex<dim>> old_elements, double bin, const ShapeRules& rules,
-                              const Ranks& ranks = {});
+                              const Ranks& ranks = {}, int threads = 1);
 
 /// A simplex that is not fluid would be after a remesh now.
 template <int dim>

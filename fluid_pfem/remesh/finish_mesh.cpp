@@ -1,4 +1,5 @@
 // All that follows from a new set of elements.
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/simplex.hpp"
@@ -15,12 +16,12 @@ namespace undine::fluid
 template <int dim>
 void Fluid<dim>::connect_mesh(std::vector<Simplex<dim>> elements)
 {
-  share_elements(sorted_elements<dim>(std::move(elements)));
+  share_elements(sorted_elements<dim>(std::move(elements), team_.threads()));
   find_surroundings();
   const Range nodes = around_.back();
-  find_fans<dim>(mesh_,
-                 nodes.begin < team_.node_begin() ? nodes.begin / Lanes::size * Lanes::size : nodes.begin,
-                 nodes.end, before_elements_here(), elements_here_.begin, elements_here_.end);
+  find_fans<dim>(
+      mesh_, nodes.begin < team_.node_begin() ? nodes.begin / Lanes::size * Lanes::size : nodes.begin,
+      nodes.end, before_elements_here(), elements_here_.begin, elements_here_.end, team_.threads());
   if constexpr (dim == 2)
     std::erase_if(mesh_.boundary, [this](const Facet<dim>& facet) { return !team_.owns(facet[0]); });
   if (!ranks().alone())
@@ -43,7 +44,7 @@ void Fluid<dim>::finish_mesh()
           (was[k] & on_free_surface) && !(nodes_.flag[i] & on_free_surface))
         nodes_.rho[i] = std::max(nodes_.rho[i], config_.tait.rho0);
   constrained_.clear();
-  for (index_t n = 0; n < n_nodes; ++n)
+  for (index_t n = 0; n < n_nodes && wall_mask_ != 0; ++n)
     if (nodes_.surface[static_cast<std::size_t>(n)] & wall_mask_)
       constrained_.push_back(n);
   constrain_velocities();
@@ -70,7 +71,7 @@ void Fluid<dim>::finish_mesh()
   }
 
   // ρ and p are the state; masses follow the new volumes. An isolated node keeps its mass and flies.
-  for (index_t n = begin; n < end; ++n)
+  const auto take_mass = [this](index_t n)
   {
     const auto i = static_cast<std::size_t>(n);
     if (mesh_.isolated(n))
@@ -84,12 +85,22 @@ void Fluid<dim>::finish_mesh()
     nodes_.p[i] = config_.tait.pressure(nodes_.rho[i]);
     // What flies is moved by gravity alone: no element can accelerate it.
     nodes_.inertia[i] = mesh_.isolated(n) ? nodes_.m[i] : std::max(nodes_.m[i], least_inertia(i));
-  }
-  limit_tension(begin, end);
+  };
   mass_rate_.resize(static_cast<std::size_t>(n_nodes));
-  std::fill(mass_rate_.begin() + begin, mass_rate_.begin() + end, 0.0);
   exchange_energy_.resize(static_cast<std::size_t>(n_nodes)); // all booked: zeros
-  sums_.reset(n_nodes, begin, end);
+  sums_.make_room(n_nodes);
+  team_.each(
+      [&](const Share& share)
+      {
+        for (index_t n = share.node_begin; n < share.node_end; ++n)
+          take_mass(n);
+        limit_tension(share.node_begin, share.node_end);
+        std::fill(mass_rate_.begin() + share.node_begin, mass_rate_.begin() + share.node_end, 0.0);
+        std::fill(exchange_energy_.begin() + share.node_begin, exchange_energy_.begin() + share.node_end,
+                  0.0);
+        sums_.clear(share.node_begin, share.node_end);
+      });
+  sums_.body.clear();
   sums_.heat.assign(static_cast<std::size_t>(mesh_.n_elements() / element_block) + 1, 0.0);
   // Viscous terms need the velocity of the half step: at the full one, nodes pressed against a wall carry
   // half a kick into it.
@@ -104,10 +115,13 @@ void Fluid<dim>::finish_mesh()
   };
   std::vector<Vec<dim>> pressed;
   each_pressed([&](std::size_t, const Vec<dim>& a) { pressed.push_back(a); });
-  for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-    nodes_.v[i] -= 0.5 * dt_before_ * nodes_.a[i];
-  team_.each([&](const Share& share)
-             { record_nodes<dim>(nodes_, config_.terms, share.node_begin, share.node_end, sums_); });
+  team_.each(
+      [&](const Share& share)
+      {
+        for (index_t n = share.node_begin; n < share.node_end; ++n)
+          nodes_.v[static_cast<std::size_t>(n)] -= 0.5 * dt_before_ * nodes_.a[static_cast<std::size_t>(n)];
+        record_nodes<dim>(nodes_, config_.terms, share.node_begin, share.node_end, sums_);
+      });
   halo_.update(sums_.record, nodes_.m);
   each_element([&](const index_t* list, index_t first, index_t last, const Share& share)
                { add_element_forces(present_step(dt_before_), list, first, last, share); });
@@ -118,7 +132,12 @@ void Fluid<dim>::finish_mesh()
   constrain_accelerations(begin, end);
   find_impedance();
   let_waves_out(dt_before_, false);
-  std::copy(v.begin(), v.end(), nodes_.v.begin() + begin);
+  team_.each(
+      [&](const Share& share)
+      {
+        std::copy(v.begin() + (share.node_begin - begin), v.begin() + (share.node_end - begin),
+                  nodes_.v.begin() + share.node_begin);
+      });
   each_pressed([&, k = std::size_t{0}](std::size_t i, const Vec<dim>& a) mutable
                { nodes_.v[i] += (0.5 * dt_before_) * (a - pressed[k++]); });
   openings_.drive(nodes_, t_);
@@ -133,7 +152,7 @@ void Fluid<dim>::finish_mesh()
   keep_places();
   measure_quality();
   if (!contact_.empty())
-    contact_.find_candidates(nodes_.x, begin, end, config_.element_size);
+    contact_.find_candidates(nodes_.x, begin, end, config_.element_size, team_.threads());
   ++surface_epoch_;
 }
 
@@ -143,7 +162,13 @@ void Fluid<dim>::keep_places()
 {
   const index_t begin = team_.node_begin(), end = team_.node_end();
   x_remesh_.resize(nodes_.x.size());
-  std::copy(nodes_.x.begin() + begin, nodes_.x.begin() + end, x_remesh_.begin() + begin);
+  in_parts(team_.threads(), static_cast<std::size_t>(end - begin),
+           [&](int, std::size_t first, std::size_t last)
+           {
+             const auto from = nodes_.x.begin() + begin;
+             std::copy(from + static_cast<std::ptrdiff_t>(first), from + static_cast<std::ptrdiff_t>(last),
+                       x_remesh_.begin() + begin + static_cast<std::ptrdiff_t>(first));
+           });
   for (const auto& ghosts : halo_.received())
     for (const index_t n : ghosts)
       x_remesh_[static_cast<std::size_t>(n)] = nodes_.x[static_cast<std::size_t>(n)];
@@ -179,18 +204,22 @@ void Fluid<dim>::flag_nodes()
     const auto it = from(n);
     return it != on_walls.end() && it->node == n ? it->pieces : std::array<int, 3>{-1, -1, -1};
   };
-  auto next = from(team_.node_begin());
-  for (index_t n = team_.node_begin(); n < team_.node_end(); ++n)
-  {
-    const auto i = static_cast<std::size_t>(n);
-    const bool on_piece = next != on_walls.end() && next->node == n;
-    next += on_piece;
-    const bool wall = on_piece || (nodes_.surface[i] & wall_mask_);
-    const bool alone = mesh_.isolated(n);
-    nodes_.flag[i] =
-        static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
-    nodes_.alone[i] = alone ? static_cast<std::uint8_t>(std::min(nodes_.alone[i] + 1, 255)) : 0;
-  }
+  team_.each(
+      [&](const Share& share)
+      {
+        auto next = from(share.node_begin);
+        for (index_t n = share.node_begin; n < share.node_end; ++n)
+        {
+          const auto i = static_cast<std::size_t>(n);
+          const bool on_piece = next != on_walls.end() && next->node == n;
+          next += on_piece;
+          const bool wall = on_piece || (nodes_.surface[i] & wall_mask_);
+          const bool alone = mesh_.isolated(n);
+          nodes_.flag[i] =
+              static_cast<std::uint8_t>((wall ? on_wall : 0) | (alone ? isolated_node | on_boundary : 0));
+          nodes_.alone[i] = alone ? static_cast<std::uint8_t>(std::min(nodes_.alone[i] + 1, 255)) : 0;
+        }
+      });
   for (const auto& facet : mesh_.boundary)
   {
     if (std::none_of(facet.begin(), facet.end(), [this](index_t n) { return team_.owns(n); }))

@@ -1,6 +1,8 @@
 // Where particle mass goes when a remesh moves volume from node to node.
 #include "fluid_pfem/fluid.hpp"
 
+#include "common/parallel/in_parts.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -66,13 +68,18 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
                                                        std::span<const char> moved,
                                                        std::span<const index_t> number) const
 {
+  const int threads = team_.threads();
   bool same_numbers = openings_.empty(); // elements of an inlet are in no order
-  for (std::size_t n = 0; n < number.size(); ++n)
-    same_numbers = same_numbers && number[n] == static_cast<index_t>(n);
+  for (std::size_t n = 0; n < number.size() && same_numbers; ++n)
+    same_numbers = number[n] == static_cast<index_t>(n);
   if (!same_numbers)
-    for (auto& e : old)
-      for (index_t& n : e)
-        n = number[static_cast<std::size_t>(n)];
+    in_parts(threads, old.size(),
+             [&](int, std::size_t begin, std::size_t end)
+             {
+               for (auto& e : std::span(old).subspan(begin, end - begin))
+                 for (index_t& n : e)
+                   n = number[static_cast<std::size_t>(n)];
+             });
   std::span<const Simplex<dim>> now = mesh_.elements;
   std::vector<Simplex<dim>> earlier; // and before them
   if (!ranks().alone())
@@ -101,21 +108,37 @@ std::vector<Simplex<dim>> Fluid<dim>::changed_elements(std::vector<Simplex<dim>>
     now = now.first(static_cast<std::size_t>(first_element_from<dim>(now, team_.node_end())));
   }
   if (!same_numbers)
-    old = sorted_elements<dim>(std::move(old));
-  std::vector<Simplex<dim>> changed;
+    old = sorted_elements<dim>(std::move(old), threads);
   const auto has_moved = [&](index_t n) { return moved[static_cast<std::size_t>(n)] != 0; };
-  auto o = old.begin();
-  for (const auto& part : {std::span<const Simplex<dim>>(earlier), now})
-    for (const auto& e : part)
+  const auto compare = [&](std::span<const Simplex<dim>> before, std::span<const Simplex<dim>> after,
+                           std::vector<Simplex<dim>>& list)
+  {
+    auto o = before.begin();
+    for (const auto& e : after)
     {
-      while (o != old.end() && *o < e)
-        changed.push_back(*o++);
-      const bool new_here = o == old.end() || e < *o;
+      while (o != before.end() && *o < e)
+        list.push_back(*o++);
+      const bool new_here = o == before.end() || e < *o;
       if (new_here || std::any_of(e.begin(), e.end(), has_moved))
-        changed.push_back(e);
+        list.push_back(e);
       o += !new_here;
     }
-  changed.insert(changed.end(), o, old.end());
+    list.insert(list.end(), o, before.end());
+  };
+  const auto place = [&](const Simplex<dim>& e) // among the old ones
+  { return static_cast<std::size_t>(std::lower_bound(old.begin(), old.end(), e) - old.begin()); };
+  const std::size_t begin_of_now = earlier.empty() ? 0 : now.empty() ? old.size() : place(now.front());
+  std::vector<Simplex<dim>> changed;
+  compare(std::span(old).first(begin_of_now), earlier, changed);
+  const auto later = list_in_parts<Simplex<dim>>(
+      threads, now.size(), 0,
+      [&](std::vector<Simplex<dim>>& list, std::size_t begin, std::size_t end)
+      {
+        const std::size_t from = begin == 0 ? begin_of_now : place(now[begin]),
+                          to = end == now.size() ? old.size() : place(now[end]);
+        compare(std::span(old).subspan(from, to - from), now.subspan(begin, end - begin), list);
+      });
+  changed.insert(changed.end(), later.begin(), later.end());
   return ranks().gather(changed);
 }
 

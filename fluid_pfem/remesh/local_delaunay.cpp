@@ -146,13 +146,14 @@ template <int dim>
 std::vector<Simplex<dim>> LocalDelaunay<dim>::simplices(std::span<const char> mine) const
 {
   std::vector<Simplex<dim>> simplices = delaunay_.simplices();
+  if (whole_)
+    return simplices;
   std::size_t kept = 0;
   for (Simplex<dim> e : simplices)
   {
-    if (!whole_)
-      for (index_t& n : e)
-        n = number_[static_cast<std::size_t>(n)];
-    if (mine.empty() || mine[static_cast<std::size_t>(*std::min_element(e.begin(), e.end()))])
+    for (index_t& n : e)
+      n = number_[static_cast<std::size_t>(n)];
+    if (mine[static_cast<std::size_t>(*std::min_element(e.begin(), e.end()))])
       simplices[kept++] = canonical<dim>(e);
   }
   simplices.resize(kept);

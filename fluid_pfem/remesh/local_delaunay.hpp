@@ -31,6 +31,9 @@ public:
   /// every triangulation is a rebuild.
   static constexpr double spare = dim == 2 ? 1.5 : 1.0;
 
+  /// @param threads as of MovingDelaunay
+  explicit LocalDelaunay(int threads = 1) : delaunay_(threads) {}
+
   /// Triangulate the points where they are now: those marked in `mine` and all within `reach` [m] of them.
   /// `mine` empty: all points.
   /// @param among as of points_near: the others are nowhere; at least all within spare · reach of `mine`

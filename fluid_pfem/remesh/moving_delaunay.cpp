@@ -2,11 +2,13 @@
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
 
 #include "common/lanes.hpp"
+#include "common/parallel/in_parts.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 namespace undine::fluid
@@ -67,12 +69,16 @@ template <int dim>
 void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x, double /*extent*/)
 {
   simplices_ = delaunay(x);
+  for (auto& e : simplices_)
+    e = canonical<dim>(e);
   ++count_.rebuilds;
 }
 template <int dim>
 void MovingDelaunay<dim>::update_around(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
 {
   simplices_ = delaunay_around(x, mine, reach);
+  for (auto& e : simplices_)
+    e = canonical<dim>(e);
   ++count_.rebuilds;
 }
 template <int dim>
@@ -104,9 +110,11 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
   at_vertex_ = std::vector<index_t>();
   const bool known = !triangles_.empty() && points_ == x.size();
   points_ = x.size();
-  x_.reserve(frame + points_);
-  x_.assign(corner_.begin(), corner_.end());
-  x_.insert(x_.end(), x.begin(), x.end());
+  x_.resize(frame + points_);
+  std::copy(corner_.begin(), corner_.end(), x_.begin());
+  in_parts(threads_, points_,
+           [&](int, std::size_t begin, std::size_t end)
+           { std::copy(x.begin() + begin, x.begin() + end, x_.begin() + frame + begin); });
   if (known && repair())
     ++count_.repairs;
   else
@@ -114,18 +122,20 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
     rebuild(extent);
     ++count_.rebuilds;
   }
-  x_ = std::vector<Vec<2>>(); // where memory is short
-  positive_ = std::vector<char>();
+  x_ = UntouchedRows<Vec<2>>(); // where memory is short
+  positive_ = UntouchedRows<char>();
 }
 
 std::vector<Simplex<2>> MovingDelaunay<2>::simplices() const
 {
-  std::vector<Simplex<2>> simplices;
-  simplices.reserve(triangles_.size());
-  for (const Triangle& t : triangles_)
-    if (t.v[0] >= frame && t.v[1] >= frame && t.v[2] >= frame)
-      simplices.push_back({t.v[0] - frame, t.v[1] - frame, t.v[2] - frame});
-  return simplices;
+  return list_in_parts<Simplex<2>>(
+      threads_, triangles_.size(), triangles_.size(),
+      [this](std::vector<Simplex<2>>& list, std::size_t begin, std::size_t end)
+      {
+        for (std::size_t t = begin; t < end; ++t)
+          if (const auto& v = triangles_[t].v; v[0] >= frame && v[1] >= frame && v[2] >= frame)
+            list.push_back(canonical<2>({v[0] - frame, v[1] - frame, v[2] - frame}));
+      });
 }
 
 void MovingDelaunay<2>::rebuild(double least_extent)
@@ -256,9 +266,10 @@ void MovingDelaunay<2>::flip(index_t t, int k)
   ++count_.flips;
 }
 
-/// All edges that want to be flipped, onto the stack: eight are looked at together, and again one by one
-/// those of inverted triangles, and where rounding decides.
-void MovingDelaunay<2>::find_flips()
+/// Of triangles begin, begin + 1, … all edges that want to be flipped: eight are looked at together, and
+/// again one by one those of inverted triangles, and where rounding decides.
+void MovingDelaunay<2>::find_flips(std::vector<std::array<index_t, 2>>& edges, std::size_t begin,
+                                   std::size_t end) const
 {
   constexpr int L = Lanes::size;
   std::array<std::pair<index_t, int>, L> edge;
@@ -277,12 +288,11 @@ void MovingDelaunay<2>::find_flips()
       const index_t u = triangles_[static_cast<std::size_t>(t)].next[static_cast<std::size_t>(k)];
       const bool plain = positive_[static_cast<std::size_t>(t)] && positive_[static_cast<std::size_t>(u)];
       if ((!plain || !lane(outside, l)) && wants_flip(t, k, true))
-        stack_.push_back({t, k});
+        edges.push_back({t, k});
     }
     count = 0;
   };
-  stack_.clear();
-  for (index_t t = 0; t < static_cast<index_t>(triangles_.size()); ++t)
+  for (auto t = static_cast<index_t>(begin); t < static_cast<index_t>(end); ++t)
     for (int k = 0; k < 3; ++k)
     {
       const Triangle& p = triangles_[static_cast<std::size_t>(t)];
@@ -311,15 +321,24 @@ bool MovingDelaunay<2>::repair()
     return false;
   const auto n = static_cast<index_t>(triangles_.size());
   positive_.resize(triangles_.size());
-  std::int64_t inverted = 0;
-  for (std::size_t t = 0; t < triangles_.size(); ++t)
-  {
-    positive_[t] = positive(triangles_[t]);
-    inverted += !positive_[t];
-  }
+  std::vector<std::int64_t> inverted_of(static_cast<std::size_t>(threads_), 0);
+  in_parts(threads_, triangles_.size(),
+           [&](int part, std::size_t begin, std::size_t end)
+           {
+             std::int64_t count = 0;
+             for (std::size_t t = begin; t < end; ++t)
+             {
+               positive_[t] = positive(triangles_[t]);
+               count += !positive_[t];
+             }
+             inverted_of[static_cast<std::size_t>(part)] = count;
+           });
+  std::int64_t inverted = std::accumulate(inverted_of.begin(), inverted_of.end(), std::int64_t{0});
   if (50 * inverted > n) // hopeless, or the points have left the square
     return false;
-  find_flips();
+  stack_ = list_in_parts<std::array<index_t, 2>>(threads_, triangles_.size(), 0,
+                                                 [this](auto& edges, std::size_t begin, std::size_t end)
+                                                 { find_flips(edges, begin, end); });
   std::int64_t left = 20 * static_cast<std::int64_t>(n), walks = 16 * inverted;
   while (!stack_.empty())
   {
@@ -512,28 +531,44 @@ void MovingDelaunay<2>::split(index_t i, index_t j, index_t added)
   at_vertex_[static_cast<std::size_t>(d)] = u;
 }
 
+/// Triangles that are no more, in order: the last ones take their places.
+void MovingDelaunay<2>::drop(const std::vector<index_t>& gone)
+{
+  for (const index_t place : gone)
+  {
+    while (!triangles_.empty() && triangles_.back().v[0] < 0)
+      triangles_.pop_back();
+    const auto last = static_cast<index_t>(triangles_.size()) - 1;
+    if (place > last)
+      return;
+    for (const index_t neighbour : triangles_.back().next)
+      if (neighbour >= 0)
+        std::ranges::replace(triangles_[static_cast<std::size_t>(neighbour)].next, last, place);
+    triangles_[static_cast<std::size_t>(place)] = triangles_.back();
+    triangles_.pop_back();
+  }
+}
+
 void MovingDelaunay<2>::renumber(std::span<const index_t> new_number)
 {
   if (triangles_.empty())
     return;
   at_vertex_.clear();
-  std::vector<index_t> place(triangles_.size(), -1);
-  index_t kept = 0;
-  for (std::size_t t = 0; t < triangles_.size(); ++t)
-    if (triangles_[t].v[0] >= 0)
-      place[t] = kept++;
-  for (std::size_t t = 0; t < triangles_.size(); ++t)
-    if (place[t] >= 0)
-    {
-      Triangle p = triangles_[t];
-      for (index_t& v : p.v)
-        if (v >= frame)
-          v = new_number[static_cast<std::size_t>(v - frame)] + frame;
-      for (index_t& u : p.next)
-        u = u < 0 ? u : place[static_cast<std::size_t>(u)];
-      triangles_[static_cast<std::size_t>(place[t])] = p;
-    }
-  triangles_.resize(static_cast<std::size_t>(kept));
+  drop(list_in_parts<index_t>(threads_, triangles_.size(), 0,
+                              [this](std::vector<index_t>& list, std::size_t begin, std::size_t end)
+                              {
+                                for (std::size_t t = begin; t < end; ++t)
+                                  if (triangles_[t].v[0] < 0)
+                                    list.push_back(static_cast<index_t>(t));
+                              }));
+  in_parts(threads_, triangles_.size(),
+           [&](int, std::size_t begin, std::size_t end)
+           {
+             for (std::size_t t = begin; t < end; ++t)
+               for (index_t& v : triangles_[t].v)
+                 if (v >= frame)
+                   v = new_number[static_cast<std::size_t>(v - frame)] + frame;
+           });
   points_ = static_cast<std::size_t>(
       std::count_if(new_number.begin(), new_number.end(), [](index_t n) { return n >= 0; }));
 }

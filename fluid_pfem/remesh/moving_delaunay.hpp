@@ -1,6 +1,7 @@
 // The Delaunay triangulation of moving points, kept from one remesh to the next.
 #pragma once
 
+#include "common/parallel/untouched_rows.hpp"
 #include "common/tensor.hpp"
 #include "fluid_pfem/fluid_mesh.hpp"
 #include "fluid_pfem/remesh/delaunay.hpp"
@@ -27,14 +28,17 @@ template <int dim>
 class MovingDelaunay
 {
 public:
+  /// @param threads that share the work in the plane; the result is the same
+  explicit MovingDelaunay(int threads = 1) { static_cast<void>(threads); }
+
   /// Triangulate the points where they are now. Points are those of the last update() after the changes made
   /// by merge(), split() and renumber().
   /// @param extent the points may be taken to extend at least that far [m]
   void update(std::span<const Vec<dim>> x, double extent = 0.0);
   /// Only what delaunay_around says.
   void update_around(std::span<const Vec<dim>> x, std::span<const char> mine, double reach);
-  /// All simplices whose circumscribed circle is small against the extent of the points, positively oriented:
-  /// at least those with a radius below four extents.
+  /// All simplices whose circumscribed circle is small against the extent of the points, canonical: at least
+  /// those with a radius below four extents.
   const std::vector<Simplex<dim>>& simplices() const { return simplices_; }
   const DelaunayCount& count() const { return count_; }
   /// Rebuild at the next update.
@@ -60,6 +64,8 @@ template <>
 class MovingDelaunay<2>
 {
 public:
+  explicit MovingDelaunay(int threads = 1) : threads_(threads) {}
+
   void update(std::span<const Vec<2>> x, double extent = 0.0);
   std::vector<Simplex<2>> simplices() const;
   const DelaunayCount& count() const { return count_; }
@@ -79,7 +85,7 @@ private:
     std::array<index_t, 3> v, next;
   };
 
-  void find_flips();
+  void find_flips(std::vector<std::array<index_t, 2>>& edges, std::size_t begin, std::size_t end) const;
   bool repair();
   void rebuild(double least_extent);
   bool positive(const Triangle& t) const;
@@ -91,14 +97,16 @@ private:
   void find_vertices();
   bool find_edge(index_t i, index_t j, index_t& t, int& k) const;
   bool ring(index_t v, std::vector<index_t>& triangles) const;
+  void drop(const std::vector<index_t>& gone);
   void collapse(index_t kept, index_t gone);
 
+  int threads_;
   std::array<Vec<2>, frame> corner_{}; ///< of the square
   std::size_t points_ = 0;
-  std::vector<Vec<2>> x_;           ///< of the corners and the points, during an update
+  UntouchedRows<Vec<2>> x_;         ///< of the corners and the points, during an update
   std::vector<Triangle> triangles_; ///< empty: rebuild
   bool complete_ = false;           ///< all points are vertices: no two coincided at the last rebuild
-  std::vector<char> positive_;      ///< of each triangle, during a repair
+  UntouchedRows<char> positive_;    ///< of each triangle, during a repair
   std::vector<index_t> at_vertex_;  ///< one triangle of each vertex while points are merged and split
   std::vector<std::array<index_t, 2>> stack_; ///< edges to be looked at
   DelaunayCount count_;

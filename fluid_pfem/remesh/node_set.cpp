@@ -1,5 +1,6 @@
 // Which elements and nodes a remesh lets go, and nodes that come and go at openings.
 #include "common/parallel/exact_sum.hpp"
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/mass_conservation.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -36,18 +37,35 @@ template <int dim>
 void Fluid<dim>::drop_fragments(ShapeChoice<dim>& choice) const
 {
   const auto n_nodes = nodes_.x.size();
-  std::vector<std::uint8_t> count(n_nodes, 0); // of elements; three stand for many
-  for (const auto& e : choice.elements)
-    for (const index_t n : e)
-      if (auto& c = count[static_cast<std::size_t>(n)]; c < 3)
-        ++c;
+  const auto count_elements = [&](std::size_t begin, std::size_t end) // of each node; three stand for many
+  {
+    std::vector<std::uint8_t> count(n_nodes, 0);
+    for (const auto& e : std::span(choice.elements).subspan(begin, end - begin))
+      for (const index_t n : e)
+        if (auto& c = count[static_cast<std::size_t>(n)]; c < 3)
+          ++c;
+    return count;
+  };
+  std::vector<std::vector<std::uint8_t>> counts(static_cast<std::size_t>(team_.threads()));
+  const int parts = in_parts(team_.threads(), choice.elements.size(),
+                             [&](int part, std::size_t begin, std::size_t end)
+                             { counts[static_cast<std::size_t>(part)] = count_elements(begin, end); });
+  auto& count = counts.front();
+  for (int part = 1; part < parts; ++part)
+    std::transform(count.begin(), count.end(), counts[static_cast<std::size_t>(part)].begin(), count.begin(),
+                   [](std::uint8_t a, std::uint8_t b) { return std::min<std::uint8_t>(a + b, 3); });
   const auto crowded = [&](const Simplex<dim>& e)
   {
     return std::any_of(e.begin(), e.end(), [&](index_t n) { return count[static_cast<std::size_t>(n)] > 2; });
   };
-  std::vector<Simplex<dim>> few; // that may not be crowded
-  std::copy_if(choice.elements.begin(), choice.elements.end(), std::back_inserter(few),
-               [&](const Simplex<dim>& e) { return !crowded(e); });
+  auto few = list_in_parts<Simplex<dim>>( // that may not be crowded
+      team_.threads(), choice.elements.size(), 0,
+      [&](std::vector<Simplex<dim>>& list, std::size_t begin, std::size_t end)
+      {
+        for (const auto& e : std::span(choice.elements).subspan(begin, end - begin))
+          if (!crowded(e))
+            list.push_back(e);
+      });
   few = ranks().gather(few);
   if (few.empty())
     return;

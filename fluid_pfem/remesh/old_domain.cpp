@@ -1,6 +1,7 @@
 // Bin grid over the points that are asked for.
 #include "fluid_pfem/remesh/old_domain.hpp"
 
+#include "common/parallel/in_parts.hpp"
 #include "fluid_pfem/simplex.hpp"
 
 #include <algorithm>
@@ -34,7 +35,8 @@ void for_each_cell(const std::array<long, dim>& lower, const std::array<long, di
 
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
-                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period)
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period,
+                         int threads)
 {
   std::vector<char> found(queries.size(), 0);
   if (queries.empty())
@@ -111,7 +113,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
     return width < wide * bin && !near[bin_of(within(cell_of(corner[0])))];
   };
 
-  const auto look_at = [&](const std::array<Vec<dim>, dim + 1>& corner)
+  const auto look_at = [&](const std::array<Vec<dim>, dim + 1>& corner, std::vector<char>& seen)
   {
     if (is_far(corner))
       return;
@@ -152,7 +154,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
                          for (index_t k = begin[b]; k < begin[b + 1]; ++k)
                          {
                            const auto q = static_cast<std::size_t>(in_bin[static_cast<std::size_t>(k)]);
-                           bool within = !found[q];
+                           bool within = !seen[q];
                            for (std::size_t a = 0; a <= dim && within; ++a)
                            {
                              auto moved = corner;
@@ -160,33 +162,43 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
                              within = signed_volume<dim, double>(moved) >= -round_off;
                            }
                            if (within)
-                             found[q] = 1;
+                             seen[q] = 1;
                          }
                        });
   };
   const auto shifts = period.shifts();
-  for (const auto& e : elements)
-  {
-    const auto corner = corners<dim>(x, e, period);
-    look_at(corner);
-    for (std::size_t k = 1; k < shifts.size(); ++k)
-    {
-      auto image = corner;
-      for (auto& p : image)
-        p += shifts[k];
-      look_at(image);
-    }
-  }
+  std::vector<std::vector<char>> seen(static_cast<std::size_t>(threads));
+  in_parts(threads, elements.size(),
+           [&](int part, std::size_t first, std::size_t last)
+           {
+             auto& here = seen[static_cast<std::size_t>(part)];
+             here.resize(queries.size(), 0);
+             for (const auto& e : elements.subspan(first, last - first))
+             {
+               const auto corner = corners<dim>(x, e, period);
+               look_at(corner, here);
+               for (std::size_t k = 1; k < shifts.size(); ++k)
+               {
+                 auto image = corner;
+                 for (auto& p : image)
+                   p += shifts[k];
+                 look_at(image, here);
+               }
+             }
+           });
+  for (const auto& here : seen)
+    for (std::size_t q = 0; q < here.size(); ++q)
+      found[q] = static_cast<char>(found[q] | here[q]);
   return found;
 }
 
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
                          std::span<const Vec<dim>> queries, double bin, const Period<dim>& period,
-                         const Ranks& ranks)
+                         const Ranks& ranks, int threads)
 {
   if (ranks.alone())
-    return inside<dim>(x, elements, queries, bin, period);
+    return inside<dim>(x, elements, queries, bin, period, threads);
   struct Box
   {
     bool any = false;
@@ -231,7 +243,7 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
   std::vector<Vec<dim>> all;
   for (const auto& points : asked)
     all.insert(all.end(), points.begin(), points.end());
-  const std::vector<char> answer = inside<dim>(x, elements, all, bin, period);
+  const std::vector<char> answer = inside<dim>(x, elements, all, bin, period, threads);
   std::vector<std::vector<char>> answers(boxes.size());
   auto from = answer.begin();
   for (std::size_t r = 0; r < boxes.size(); ++r)
@@ -249,12 +261,12 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
 }
 
 template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
-                                     std::span<const Vec<2>>, double, const Period<2>&);
+                                     std::span<const Vec<2>>, double, const Period<2>&, int);
 template std::vector<char> inside<2>(std::span<const Vec<2>>, std::span<const Simplex<2>>,
-                                     std::span<const Vec<2>>, double, const Period<2>&, const Ranks&);
+                                     std::span<const Vec<2>>, double, const Period<2>&, const Ranks&, int);
 template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
-                                     std::span<const Vec<3>>, double, const Period<3>&, const Ranks&);
+                                     std::span<const Vec<3>>, double, const Period<3>&, const Ranks&, int);
 template std::vector<char> inside<3>(std::span<const Vec<3>>, std::span<const Simplex<3>>,
-                                     std::span<const Vec<3>>, double, const Period<3>&);
+                                     std::span<const Vec<3>>, double, const Period<3>&, int);
 
 } // namespace undine::fluid

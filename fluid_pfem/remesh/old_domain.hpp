@@ -16,13 +16,14 @@ namespace undine::fluid
 /// it. In a periodic space the points lie in the cell.
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
-                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period = {});
+                         std::span<const Vec<dim>> queries, double bin, const Period<dim>& period = {},
+                         int threads = 1);
 
 /// The same for the elements of all ranks: each asks those whose elements may contain its points. Collective.
 /// @param elements of this rank, at `x`
 template <int dim>
 std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<dim>> elements,
                          std::span<const Vec<dim>> queries, double bin, const Period<dim>& period,
-                         const Ranks& ranks);
+                         const Ranks& ranks, int threads = 1);
 
 } // namespace undine::fluid

@@ -1,6 +1,7 @@
 // Edge lengths between two limits.
 #include "fluid_pfem/remesh/refine_coarsen.hpp"
 
+#include "common/parallel/in_parts.hpp"
 #include "common/parallel/untouched_rows.hpp"
 
 #include <algorithm>
@@ -112,11 +113,16 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
   const auto count_of_nodes = share.known ? static_cast<index_t>(share.known->size()) : nodes.size();
   const auto number = [&](index_t k)
   { return share.known ? (*share.known)[static_cast<std::size_t>(k)] : k; };
-  constexpr double touching = 0.1; // of the spacing
-  std::vector<std::pair<std::array<long, dim>, index_t>> cells;
-  double bin = 0.0;
-  for (index_t k = 0; k < count_of_nodes; ++k)
-    bin = std::max(bin, touching * nodes.h[static_cast<std::size_t>(number(k))]);
+  constexpr double touching = 0.1;                                            // of the spacing
+  std::vector<double> coarsest(static_cast<std::size_t>(share.threads), 0.0); // of each part
+  in_parts(share.threads, static_cast<std::size_t>(count_of_nodes),
+           [&](int part, std::size_t begin, std::size_t end)
+           {
+             double& here = coarsest[static_cast<std::size_t>(part)];
+             for (std::size_t k = begin; k < end; ++k)
+               here = std::max(here, nodes.h[static_cast<std::size_t>(number(static_cast<index_t>(k)))]);
+           });
+  const double bin = touching * *std::max_element(coarsest.begin(), coarsest.end());
   Vec<dim> size; // of a bin: a whole number of them fills a period
   std::array<long, dim> count{};
   for (int i = 0; i < dim; ++i)
@@ -125,15 +131,23 @@ void add_touching(const FluidNodes<dim>& nodes, const std::vector<std::array<int
     count[static_cast<std::size_t>(i)] = std::lround(std::floor(length / bin));
     size[i] = length > 0.0 ? length / static_cast<double>(count[static_cast<std::size_t>(i)]) : bin;
   }
-  for (index_t k = 0; k < count_of_nodes; ++k)
-    if (const index_t n = number(k); nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
-    {
-      std::array<long, dim> cell;
-      const Vec<dim> from_origin = nodes.x[static_cast<std::size_t>(n)] - nodes.period.origin();
-      for (int i = 0; i < dim; ++i)
-        cell[static_cast<std::size_t>(i)] = std::lround(std::floor(from_origin[i] / size[i]));
-      cells.emplace_back(cell, n);
-    }
+  using Cell = std::pair<std::array<long, dim>, index_t>;
+  auto cells = list_in_parts<Cell>(share.threads, static_cast<std::size_t>(count_of_nodes), 0,
+                                   [&](std::vector<Cell>& list, std::size_t begin, std::size_t end)
+                                   {
+                                     for (std::size_t k = begin; k < end; ++k)
+                                       if (const index_t n = number(static_cast<index_t>(k));
+                                           nodes.flag[static_cast<std::size_t>(n)] & on_boundary)
+                                       {
+                                         std::array<long, dim> cell;
+                                         const Vec<dim> from_origin =
+                                             nodes.x[static_cast<std::size_t>(n)] - nodes.period.origin();
+                                         for (int i = 0; i < dim; ++i)
+                                           cell[static_cast<std::size_t>(i)] =
+                                               std::lround(std::floor(from_origin[i] / size[i]));
+                                         list.emplace_back(cell, n);
+                                       }
+                                   });
   std::sort(cells.begin(), cells.end());
   for (const auto& [cell, n] : cells)
   {
@@ -181,22 +195,31 @@ SpacingReport refine_and_coarsen(FluidNodes<dim>& nodes, const FluidMesh<dim>& m
   const double longest = std::min(rules.split, rules.split_wall),
                surely_long = rules.merge * rules.merge * beyond_rounding,
                surely_short = longest * longest / beyond_rounding;
-  for (const auto& e : ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : share.elements)
-    for (std::size_t a = 0; a <= dim; ++a)
-      for (std::size_t b = a + 1; b <= dim; ++b)
+  const std::span<const Simplex<dim>> elements =
+      ranks.alone() ? std::span<const Simplex<dim>>(mesh.elements) : share.elements;
+  const auto edges = list_in_parts<Edge>(
+      share.threads, elements.size(), 0,
+      [&](std::vector<Edge>& list, std::size_t begin, std::size_t end)
       {
-        const index_t i = std::min(e[a], e[b]), j = std::max(e[a], e[b]);
-        const auto p = static_cast<std::size_t>(i), q = static_cast<std::size_t>(j);
-        const double h = std::min(nodes.h[p], nodes.h[q]);
-        if (const double square = norm_squared(nodes.period.near(nodes.x[p], nodes.x[q]) - nodes.x[p]);
-            square > surely_long * h * h && square < surely_short * h * h)
-          continue; // as nearly all, without a root
-        const double length = nodes.distance(p, q) / h;
-        if (length < rules.merge)
-          close.push_back({length, i, j});
-        else if (length > longest)
-          far.push_back({-length, i, j});
-      }
+        for (const auto& e : elements.subspan(begin, end - begin))
+          for (std::size_t a = 0; a <= dim; ++a)
+            for (std::size_t b = a + 1; b <= dim; ++b)
+            {
+              const index_t i = std::min(e[a], e[b]), j = std::max(e[a], e[b]);
+              const auto p = static_cast<std::size_t>(i), q = static_cast<std::size_t>(j);
+              const double h = std::min(nodes.h[p], nodes.h[q]);
+              if (const double square = norm_squared(nodes.period.near(nodes.x[p], nodes.x[q]) - nodes.x[p]);
+                  square > surely_long * h * h && square < surely_short * h * h)
+                continue; // as nearly all, without a root
+              const double length = nodes.distance(p, q) / h;
+              if (length < rules.merge)
+                list.push_back({length, i, j});
+              else if (length > longest)
+                list.push_back({-length, i, j});
+            }
+      });
+  for (const Edge& edge : edges)
+    (edge.length_over_h < 0.0 ? far : close).push_back(edge);
   add_touching(nodes, wall_pieces, share, close);
   if (!ranks.alone())
   {

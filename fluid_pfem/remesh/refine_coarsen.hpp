@@ -41,6 +41,7 @@ struct ShareOfRank
   index_t node_begin = 0, node_end = 0;   ///< its nodes: their rows are right here,
   const std::vector<index_t>* known =
       nullptr; ///< and those of these, in order, its own among them; null: all
+  int threads = 1;
 };
 
 /// Change the node set; the mesh is out of date afterwards. A merged node carries the sum of particle masses

@@ -1,5 +1,6 @@
 // New connectivity at a synchronised time.
 #include "common/error.hpp"
+#include "common/parallel/in_parts.hpp"
 #include "common/parallel/untouched_rows.hpp"
 #include "fluid_pfem/fluid.hpp"
 #include "fluid_pfem/remesh/alpha_shape.hpp"
@@ -207,7 +208,7 @@ void Fluid<dim>::remesh()
   quality_ = UntouchedRows<float>();
   mass_rate_ = UntouchedRows<double>();
   exchange_energy_ = UntouchedRows<double>(); // booked
-  mesh_.fans = std::vector<FanEntry<dim>>();
+  mesh_.fans = UntouchedRows<FanEntry<dim>>();
   sums_.record = UntouchedRows<NodeRecord<dim>>();
   sums_.sum = UntouchedRows<FourNumbers>();
   const auto [old_begin, old_end] = rows_to_sum(ranks().alone());
@@ -246,7 +247,8 @@ void Fluid<dim>::remesh()
        .elements = own_elements(),
        .node_begin = team_.node_begin(),
        .node_end = team_.node_end(),
-       .known = known.among()});
+       .known = known.among(),
+       .threads = team_.threads()});
   for (const auto& [kept, gone] : spacing.merges)
     delaunay_.merge(kept, gone);
   for (const auto& [i, j, added] : spacing.splits)
@@ -268,7 +270,7 @@ void Fluid<dim>::remesh()
   ShapeChoice<dim> choice =
       choose_fluid<dim>(nodes_, pieces, triangulation(mine, known), old_x,
                         ranks().alone() ? std::span<const Simplex<dim>>(mesh_.elements) : own_elements(),
-                        config_.element_size, config_.remesh.shape, ranks());
+                        config_.element_size, config_.remesh.shape, ranks(), team_.threads());
   drop_fragments(choice);
   ranks().sum({&choice.created, &choice.dropped});
   pieces = std::vector<std::array<int, 3>>();
@@ -481,21 +483,27 @@ template <int dim>
 std::vector<typename Fluid<dim>::OnPieces> Fluid<dim>::nodes_on_walls() const
 {
   std::vector<OnPieces> found;
-  const auto [begin, end] = rows_to_sum(ranks().alone());
+  const auto rows = rows_to_sum(ranks().alone());
+  const auto look_at = [this](std::size_t n, std::vector<OnPieces>& list)
+  {
+    OnPieces here{.node = static_cast<index_t>(n), .pieces = {-1, -1, -1}};
+    if (!contact_.empty())
+      here.pieces = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
+    if (!solid_.empty())
+      for (const int side : solid_.sides_at(nodes_.x[n], on_wall_within * nodes_.h[n]))
+        if (const auto free = std::find(here.pieces.begin(), here.pieces.end(), -1);
+            side >= 0 && free != here.pieces.end())
+          *free = side;
+    if (here.pieces[0] >= 0)
+      list.push_back(here);
+  };
   if (!contact_.empty() || !solid_.empty())
-    for (std::size_t n = begin; n < end; ++n)
-    {
-      OnPieces here{.node = static_cast<index_t>(n), .pieces = {-1, -1, -1}};
-      if (!contact_.empty())
-        here.pieces = contact_.pieces_at(nodes_.x[n], on_wall_within * nodes_.h[n]);
-      if (!solid_.empty())
-        for (const int side : solid_.sides_at(nodes_.x[n], on_wall_within * nodes_.h[n]))
-          if (const auto free = std::find(here.pieces.begin(), here.pieces.end(), -1);
-              side >= 0 && free != here.pieces.end())
-            *free = side;
-      if (here.pieces[0] >= 0)
-        found.push_back(here);
-    }
+    found = list_in_parts<OnPieces>(team_.threads(), rows[1] - rows[0], 0,
+                                    [&](std::vector<OnPieces>& list, std::size_t begin, std::size_t end)
+                                    {
+                                      for (std::size_t n = rows[0] + begin; n < rows[0] + end; ++n)
+                                        look_at(n, list);
+                                    });
   return ranks().gather(found);
 }
 

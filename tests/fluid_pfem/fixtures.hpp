@@ -27,7 +27,8 @@ template <int dim>
 void pressure_acceleration(const fluid::FluidMesh<dim>& mesh, fluid::FluidNodes<dim>& nodes)
 {
   fluid::ElementSums<dim> sums;
-  sums.reset(nodes.size(), 0, nodes.size());
+  sums.make_room(nodes.size());
+  sums.clear(0, nodes.size());
   fluid::record_nodes<dim>(nodes, {}, 0, nodes.size(), sums);
   fluid::add_element_forces<dim>(mesh, nodes, {}, 1.0, {}, 0.0, nullptr, 0, mesh.n_elements(),
                                  {.node_begin = 0, .node_end = nodes.size()}, sums);
