@@ -1,6 +1,7 @@
 // The fluid program: alone, or coupled to a solid through the coupler.
 #include "common/io/log.hpp"
 #include "common/io/summary.hpp"
+#include "common/large_arrays.hpp"
 #include "common/parallel/time_split.hpp"
 #include "common/program/large_arrays.hpp"
 #include "common/program/program.hpp"
@@ -66,6 +67,8 @@ ExitCode run(const Launch& launch, const fluid::FluidConfig& config)
   const bool first = ranks.rank() == 0;
   if (coupled)
     launch.require_owners(world, ranks);
+  if (ranks.alone())
+    large_arrays().all_rows_will_be_touched();
   fluid::Fluid<dim> fluid(config, ranks);
   const auto log = first ? make_log(launch.output.dir, launch.role, !coupled) : no_log();
   log->info("case {}: {} nodes, {} elements, {} wet nodes, stable step {:.4g} s, {} rank{}",
@@ -159,6 +162,6 @@ ExitCode start(Launch& launch)
 
 int main(int argc, char** argv)
 {
-  undine::return_large_arrays();
+  undine::recycle_large_arrays();
   return undine::run_program("fluid", argc, argv, start);
 }

@@ -1,6 +1,7 @@
 // Arrays of which a rank uses some rows only.
 #pragma once
 
+#include "common/large_arrays.hpp"
 #include "common/types.hpp"
 
 #if defined(__linux__)
@@ -21,8 +22,8 @@
 namespace undine
 {
 
-/// Memory that nobody has written is zero, and large memory takes none of the machine's until it is written:
-/// the rows of other ranks cost nothing as long as nobody touches them.
+/// Memory that nobody writes when rows are added: they hold anything. On several ranks large memory takes
+/// none of the machine's until it is written: the rows of others cost nothing as long as nobody touches them.
 template <class T>
 struct UntouchedMemory
 {
@@ -42,8 +43,14 @@ struct UntouchedMemory
   T* allocate(std::size_t n)
   {
     constexpr std::size_t before = alignof(T) + sizeof(void*);
-    void* const whole =
-        n > (SIZE_MAX - before) / sizeof(T) ? nullptr : std::calloc(n * sizeof(T) + before, 1);
+    void* whole = nullptr;
+    if (const std::size_t bytes = n * sizeof(T) + before; n <= (SIZE_MAX - before) / sizeof(T))
+    {
+      if (large_arrays().all_rows_are_touched())
+        whole = large_arrays().allocate(bytes);
+      if (whole == nullptr)
+        whole = std::calloc(bytes, 1);
+    }
     if (whole == nullptr)
       throw std::bad_alloc();
     const auto first = reinterpret_cast<std::uintptr_t>(whole) + sizeof(void*);
@@ -51,7 +58,11 @@ struct UntouchedMemory
     static_cast<void**>(rows)[-1] = whole;
     return static_cast<T*>(rows);
   }
-  void deallocate(T* rows, std::size_t) noexcept { std::free(reinterpret_cast<void**>(rows)[-1]); }
+  void deallocate(T* rows, std::size_t) noexcept
+  {
+    if (void* const whole = reinterpret_cast<void**>(rows)[-1]; !large_arrays().release(whole))
+      std::free(whole);
+  }
 
   template <class U>
   void construct(U*) noexcept // stays as it is
@@ -64,7 +75,7 @@ struct UntouchedMemory
   }
 };
 
-/// resize() writes nothing: rows of a new array are zero, others may be what was there before.
+/// resize() writes nothing: the rows that it adds hold anything.
 template <class T>
 using UntouchedRows = std::vector<T, UntouchedMemory<T>>;
 

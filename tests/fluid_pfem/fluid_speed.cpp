@@ -4,6 +4,7 @@
 //
 // prints one JSON object: nanoseconds of CPU time per node and step (`wall`: of the clock on the wall),
 // memory, STREAM triad of the same process.
+#include "common/large_arrays.hpp"
 #include "common/program/large_arrays.hpp"
 #include "common/time/step_ladder.hpp"
 #include "fluid_pfem/fluid.hpp"
@@ -82,7 +83,8 @@ struct Clock
 
 int main(int argc, char** argv)
 {
-  return_large_arrays();
+  recycle_large_arrays();
+  large_arrays().all_rows_will_be_touched();
   const int n = argc > 1 ? std::atoi(argv[1]) : 22;
   const double a = 0.146, g = 9.81, T = std::sqrt(a / (2.0 * g));
   const double T_end = argc > 2 ? std::atof(argv[2]) : 4.0;
@@ -145,12 +147,14 @@ int main(int argc, char** argv)
       "\"set_up_us_per_node\": {:.3f}, \"remesh_us_per_node\": {:.4f}, \"cpu_s\": {:.3f}, "
       "\"peak_bytes_per_node\": {:.0f}, \"triad_same_size\": {:.1f}, \"triad_memory\": {:.1f}, "
       "\"volume_error\": {:.2e}, \"mass_drift\": {:.1e}, \"remesh_gain\": {:.5f}, \"remesh_loss\": {:.5f}, "
-      "\"energy_scale\": {:.5f}, \"rebuilds\": {}, \"flips\": {}, \"T\": {:.3f}}}\n",
+      "\"energy_scale\": {:.5f}, \"rebuilds\": {}, \"flips\": {}, \"T\": {:.3f}, "
+      "\"kept_MB\": {:.1f}, \"asked_MB\": {:.1f}}}\n",
       fluid.nodes().size(), step, fluid.remeshes(), ns(all), ns(wall), ns(solve.total), ns(bound.total),
       ns(look.total), ns(remesh.total), ns(output.total), 1e6 * set_up / nodes,
       1e6 * remesh.total / std::max(1.0, remeshed_nodes), all, memory / nodes, triad(same_size, 20),
       triad(std::size_t{20000000}, 3), volume_error, fluid.mass() / M - 1.0, e.remesh_gain, e.remesh_loss,
       config.tait.rho0 * g * 2.0 * a * a * a, fluid.triangulations().rebuilds, fluid.triangulations().flips,
-      T_end);
+      T_end, 1e-6 * static_cast<double>(large_arrays().use().kept),
+      1e-6 * static_cast<double>(large_arrays().use().asked));
   return 0;
 }

@@ -122,7 +122,7 @@ void measure(FluidConfig config, std::int64_t steps)
 
 int main(int argc, char** argv)
 {
-  return_large_arrays();
+  recycle_large_arrays();
   MPI_Init(&argc, &argv);
   const double n = argc > 1 ? std::atof(argv[1]) : 22.0;
   const std::int64_t steps = argc > 2 ? std::atoll(argv[2]) : 200;
