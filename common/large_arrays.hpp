@@ -9,7 +9,7 @@
 namespace undine
 {
 
-/// Pages that an array of 1 MB or more has had serve the next ones, instead of going back to the system,
+/// Pages that an array of 256 kB or more has had serve the next ones, instead of going back to the system,
 /// which would clear new ones page by page: in a remesh, where large arrays come and go, that can take as
 /// long as all that is computed. Memory taken from the system never exceeds what was in use at once: what is
 /// missing is asked for only after as much of what is kept has been given back. Under Linux; elsewhere, and
@@ -20,7 +20,7 @@ public:
   /// Smallest array that counts [B].
   std::size_t least() const { return least_; }
 
-  void start(std::size_t least = std::size_t{1} << 20)
+  void start(std::size_t least = std::size_t{1} << 18)
   {
     least_ = least;
     on_ = true;

@@ -314,25 +314,25 @@ FluidEnergy Fluid<dim>::energy_of_state(bool whole, std::span<const Vec<dim>> v_
   {
     ExactSum kinetic, internal, potential;
   };
-  const auto add = [&](std::size_t i, Sums& sums)
-  {
-    const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
-    sums.kinetic.add(
-        0.5 * nodes_.M[i] *
-        (v_half.empty() ? dot(nodes_.v[i] - kick, nodes_.v[i] + kick) : norm_squared(v_half[i])));
-    const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
-                        nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
-    if (!opened)
-      sums.internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
-    sums.potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
-  };
-  const auto [first, last] = rows_to_sum(whole);
   std::vector<Sums> parts(static_cast<std::size_t>(team_.threads()));
-  in_parts(team_.threads(), last - first,
-           [&, from = first](int part, std::size_t begin, std::size_t end)
+  const auto rows = rows_to_sum(whole);
+  in_parts(team_.threads(), rows[1] - rows[0],
+           [&](int part, std::size_t begin, std::size_t end)
            {
-             for (std::size_t i = from + begin; i < from + end; ++i)
-               add(i, parts[static_cast<std::size_t>(part)]);
+             Sums sums;
+             for (std::size_t i = rows[0] + begin; i < rows[0] + end; ++i)
+             {
+               const Vec<dim> kick = 0.5 * dt_before_ * nodes_.a[i];
+               sums.kinetic.add(
+                   0.5 * nodes_.M[i] *
+                   (v_half.empty() ? dot(nodes_.v[i] - kick, nodes_.v[i] + kick) : norm_squared(v_half[i])));
+               const bool opened = !config_.surface_tension_allowed && (nodes_.flag[i] & on_free_surface) &&
+                                   nodes_.rho[i] < config_.tait.rho0; // without a pull, hence without energy
+               if (!opened)
+                 sums.internal.add(nodes_.m[i] * config_.tait.internal_energy(nodes_.rho[i]));
+               sums.potential.add(-nodes_.M[i] * dot(g, nodes_.x[i]));
+             }
+             parts[static_cast<std::size_t>(part)] = sums;
            });
   auto& [kinetic, internal, potential] = parts.front();
   for (std::size_t part = 1; part < parts.size(); ++part)

@@ -176,12 +176,11 @@ std::vector<char> inside(std::span<const Vec<dim>> x, std::span<const Simplex<di
              for (const auto& e : elements.subspan(first, last - first))
              {
                const auto corner = corners<dim>(x, e, period);
-               look_at(corner, here);
-               for (std::size_t k = 1; k < shifts.size(); ++k)
+               for (const auto& shift : shifts) // the first is none
                {
                  auto image = corner;
                  for (auto& p : image)
-                   p += shifts[k];
+                   p += shift;
                  look_at(image, here);
                }
              }

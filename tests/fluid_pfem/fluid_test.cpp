@@ -308,7 +308,7 @@ TEST_CASE("results do not depend on the number of threads", "[fluid][unit]")
 }
 
 // What memory held before cannot matter: the bits of a run in fresh memory, which is zero, and in memory full
-// of what is no number. Arrays of a page and more are recycled here, in programs those of 1 MB.
+// of what is no number. Arrays of a page and more are recycled here, in programs those of 256 kB.
 TEST_CASE("results do not depend on what recycled memory held", "[fluid][unit]")
 {
   const auto run = [](FluidConfig config, auto dimension)
