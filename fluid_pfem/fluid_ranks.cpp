@@ -429,7 +429,9 @@ void Fluid<dim>::follow_changes(const SpacingReport& spacing, KnownNodes& known)
       n = spacing.new_number[static_cast<std::size_t>(n)];
     std::erase(list, -1);
   }
-  std::sort(list.begin(), list.end());
+  const auto added = std::is_sorted_until(list.begin(), list.end());
+  std::sort(added, list.end());
+  std::inplace_merge(list.begin(), added, list.end());
   list.erase(std::unique(list.begin(), list.end()), list.end());
 }
 
@@ -488,11 +490,14 @@ void Fluid<dim>::keep_own_rows()
   collected_ = ranks().alone();
   if (collected_)
     return;
-  std::vector<index_t> numbers(static_cast<std::size_t>(team_.node_end() - team_.node_begin()));
-  std::iota(numbers.begin(), numbers.end(), team_.node_begin());
-  for (const auto& ghosts : halo_.received())
+  std::vector<index_t> numbers; // rank by rank, hence in order
+  for (std::size_t r = 0; r < halo_.received().size(); ++r)
+  {
+    const auto& ghosts = halo_.received()[r];
     numbers.insert(numbers.end(), ghosts.begin(), ghosts.end());
-  std::sort(numbers.begin(), numbers.end());
+    for (index_t n = team_.node_begin(); n < team_.node_end() && static_cast<int>(r) == ranks().rank(); ++n)
+      numbers.push_back(n);
+  }
   const auto nodes = ranges_of(numbers);
   nodes_.for_each_field_of_owners([&nodes](const char*, auto& field) { give_back_others(field, nodes); });
   give_back_others(x_remesh_, nodes);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 namespace undine::fluid
@@ -121,9 +122,9 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
   {
     const std::vector<index_t> needed = points_near<dim>(x, mine, reach, among);
     place_.resize(x.size(), -1);
-    const bool lost = among && !std::includes(among->begin(), among->end(), number_.begin(), number_.end());
-    if (lost || whole_ ||
-        std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
+    if (among && !whole_)
+      leave_to(*among);
+    if (whole_ || std::any_of(needed.begin(), needed.end(), [this](index_t n) { return here(n) < 0; }))
     {
       delaunay_.forget();
       whole_ = false;
@@ -140,6 +141,24 @@ void LocalDelaunay<dim>::update(std::span<const Vec<dim>> x, std::span<const cha
     number_ = points_near<dim>(x, mine, reach, among);
     delaunay_.update_around(rows_of(x, number_), rows_of(mine, number_), reach);
   }
+}
+
+/// Points that are not among these go: few, at the rim of what was taken before.
+template <int dim>
+void LocalDelaunay<dim>::leave_to(const std::vector<index_t>& among)
+{
+  std::vector<index_t> lost;
+  std::set_difference(number_.begin(), number_.end(), among.begin(), among.end(), std::back_inserter(lost));
+  if (lost.empty())
+    return;
+  std::vector<index_t> new_number(place_.size());
+  std::iota(new_number.begin(), new_number.end(), 0);
+  for (const index_t n : lost)
+  {
+    remove(n);
+    new_number[static_cast<std::size_t>(n)] = -1;
+  }
+  renumber(new_number);
 }
 
 template <int dim>

@@ -54,6 +54,7 @@ public:
   void renumber(std::span<const index_t> new_number);
 
 private:
+  void leave_to(const std::vector<index_t>& among);
   index_t here(index_t n) const
   {
     if (whole_)

@@ -420,9 +420,13 @@ bool MovingDelaunay<2>::find_edge(index_t i, index_t j, index_t& found, int& k) 
   return false;
 }
 
-void MovingDelaunay<2>::merge(index_t kept, index_t gone) { collapse(kept + frame, gone + frame); }
+void MovingDelaunay<2>::merge(index_t kept, index_t gone)
+{
+  if (!triangles_.empty() && !collapse(kept + frame, gone + frame))
+    forget();
+}
 
-/// Into the neighbour that shares the fewest neighbours; the flips of the next update do the rest.
+/// Into a neighbour that shares two neighbours with it; the flips of the next update do the rest.
 void MovingDelaunay<2>::remove(index_t gone)
 {
   if (triangles_.empty())
@@ -436,22 +440,20 @@ void MovingDelaunay<2>::remove(index_t gone)
     const int k = corner_of(t, gone + frame);
     const index_t neighbour =
         triangles_[static_cast<std::size_t>(t)].v[static_cast<std::size_t>((k + 1) % 3)];
-    if (neighbour >= frame)
-      return collapse(neighbour, gone + frame);
+    if (neighbour >= frame && collapse(neighbour, gone + frame))
+      return;
   }
   forget();
 }
 
-void MovingDelaunay<2>::collapse(index_t kept, index_t gone)
+/// @returns false if the result would be no triangulation: nothing has changed
+bool MovingDelaunay<2>::collapse(index_t kept, index_t gone)
 {
-  if (triangles_.empty())
-    return;
   find_vertices();
   std::vector<index_t> around, around_kept;
   if (!ring(gone, around) || !ring(kept, around_kept))
-    return forget();
-  // The two triangles on the edge go; all common neighbours must be theirs, or the result is no
-  // triangulation.
+    return false;
+  // The two triangles on the edge go; all common neighbours must be theirs.
   std::vector<index_t> neighbours, common, dead;
   for (const index_t t : around_kept)
     neighbours.push_back(
@@ -466,7 +468,7 @@ void MovingDelaunay<2>::collapse(index_t kept, index_t gone)
       dead.push_back(t);
   }
   if (dead.size() != 2 || common.size() != 2)
-    return forget();
+    return false;
   for (const index_t t : around)
     if (t != dead[0] && t != dead[1])
     {
@@ -490,6 +492,7 @@ void MovingDelaunay<2>::collapse(index_t kept, index_t gone)
     p.v = {-1, -1, -1};
   }
   at_vertex_[static_cast<std::size_t>(gone)] = -1;
+  return true;
 }
 
 void MovingDelaunay<2>::split(index_t i, index_t j, index_t added)

@@ -98,7 +98,7 @@ private:
   bool find_edge(index_t i, index_t j, index_t& t, int& k) const;
   bool ring(index_t v, std::vector<index_t>& triangles) const;
   void drop(const std::vector<index_t>& gone);
-  void collapse(index_t kept, index_t gone);
+  bool collapse(index_t kept, index_t gone);
 
   int threads_;
   std::array<Vec<2>, frame> corner_{}; ///< of the square

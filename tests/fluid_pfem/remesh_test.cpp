@@ -450,6 +450,34 @@ TEST_CASE("parts that are triangulated alone have the simplices of the whole whi
   CHECK(taken < 2UL * 150 * 36 * 36);
 }
 
+// A cut has moved, and what lies beyond it is seen less far: the points that are no longer seen go.
+TEST_CASE("a part that sees fewer points than it has taken is repaired, not made anew", "[fluid][unit]")
+{
+  std::mt19937 random(6);
+  constexpr double largest = 1.5, reach = 2.0 * largest, seen = LocalDelaunay<2>::spare * reach;
+  std::vector<Vec<2>> x = points_of_lattice<2>(36, 0.1, random);
+  LocalDelaunay<2> local;
+  std::size_t taken = x.size();
+  for (const double cut : {18.0, 16.0, 14.0})
+  {
+    std::vector<char> mine;
+    std::vector<index_t> among;
+    for (std::size_t n = 0; n < x.size(); ++n)
+    {
+      x[n][1] *= 1.02;
+      mine.push_back(x[n][0] < cut);
+      if (x[n][0] < cut + seen)
+        among.push_back(static_cast<index_t>(n));
+    }
+    local.update(x, mine, reach, &among);
+    CHECK(local.size() < taken);
+    taken = local.size();
+    CHECK((small_ones<2>(x, local.simplices(mine), largest) == small_ones<2>(x, delaunay(x), largest, mine)));
+  }
+  CHECK(local.count().rebuilds == 1);
+  CHECK(local.count().repairs == 2);
+}
+
 // Merging, splitting and removing points ends in the same triangulation as well.
 TEST_CASE("points may come and go between two triangulations", "[fluid][unit]")
 {
