@@ -126,7 +126,7 @@ void find_rings(FluidMesh<2>& mesh, int threads)
       });
   for (std::size_t g = 0; g < groups; ++g)
     rings.begin[g + 1] += rings.begin[g];
-  rings.row = UntouchedRows<Rings::Row>();
+  rings.row = UnwrittenRows<Rings::Row>();
   rings.row.resize(static_cast<std::size_t>(rings.begin.back()));
   if (groups > 0) // of which some may be no nodes
     std::fill(rings.row.begin() + rings.begin[groups - 1], rings.row.end(), Rings::Row{});
@@ -364,7 +364,7 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
   each_corner([&](index_t, int, std::size_t k) { ++first[k + 1]; });
   for (std::size_t k = 1; k < first.size(); ++k)
     first[k] += first[k - 1];
-  mesh.fans = UntouchedRows<FanEntry<dim>>();
+  mesh.fans = UnwrittenRows<FanEntry<dim>>();
   mesh.fans.resize(static_cast<std::size_t>(first.back()));
   std::vector<index_t> next(first.begin(), first.end() - 1);
   each_corner(
@@ -385,7 +385,7 @@ void find_fans(FluidMesh<dim>& mesh, index_t begin, index_t end, std::span<const
   }
   mesh.boundary = boundary_of(mesh, begin, end, threads);
   if constexpr (dim == 2)
-    mesh.fans = UntouchedRows<FanEntry<dim>>();
+    mesh.fans = UnwrittenRows<FanEntry<dim>>();
 }
 
 template <int dim>

@@ -83,7 +83,7 @@ struct Rings
 {
   using Row = std::array<index_t, Lanes::size>;
   std::vector<index_t> begin; ///< first row of each group of eight nodes, and the end
-  UntouchedRows<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
+  UnwrittenRows<Row> row; ///< row k of a group: twice the number of neighbour k of each of its nodes; where a
                           ///< ring has no more, its first again
 
   /// Of node n, number k among those with rings, at so many elements.
@@ -110,7 +110,7 @@ struct FluidMesh
       elements; ///< positive orientation, sorted, so that sums do not depend on how they were found
   std::vector<Facet<dim>> boundary;  ///< outward facets that belong to one element only
   std::vector<index_t> fan_begin;    ///< of each node with a fan, and the end
-  UntouchedRows<FanEntry<dim>> fans; ///< in space; in the plane there are rings instead
+  UnwrittenRows<FanEntry<dim>> fans; ///< in space; in the plane there are rings instead
   Rings rings;                       ///< in the plane, of the nodes with a fan
   index_t first_with_fan = 0;        ///< of the nodes whose fans are here: those that find_fans was asked for
 

@@ -24,18 +24,24 @@ namespace undine
 
 /// Memory that nobody writes when rows are added: they hold anything. On several ranks large memory takes
 /// none of the machine's until it is written: the rows of others cost nothing as long as nobody touches them.
-template <class T>
+/// @tparam for_all there are rows for all ranks; else all will be touched, and their memory may be recycled
+template <class T, bool for_all>
 struct UntouchedMemory
 {
   using value_type = T;
+  template <class U>
+  struct rebind
+  {
+    using other = UntouchedMemory<U, for_all>;
+  };
 
   UntouchedMemory() = default;
   template <class U>
-  UntouchedMemory(const UntouchedMemory<U>&) noexcept
+  UntouchedMemory(const UntouchedMemory<U, for_all>&) noexcept
   {
   }
   template <class U>
-  bool operator==(const UntouchedMemory<U>&) const noexcept
+  bool operator==(const UntouchedMemory<U, for_all>&) const noexcept
   {
     return true;
   }
@@ -46,7 +52,7 @@ struct UntouchedMemory
     void* whole = nullptr;
     if (const std::size_t bytes = n * sizeof(T) + before; n <= (SIZE_MAX - before) / sizeof(T))
     {
-      if (large_arrays().all_rows_are_touched())
+      if (!for_all || large_arrays().all_rows_are_touched())
         whole = large_arrays().allocate(bytes);
       if (whole == nullptr)
         whole = std::calloc(bytes, 1);
@@ -77,7 +83,10 @@ struct UntouchedMemory
 
 /// resize() writes nothing: the rows that it adds hold anything.
 template <class T>
-using UntouchedRows = std::vector<T, UntouchedMemory<T>>;
+using UntouchedRows = std::vector<T, UntouchedMemory<T, true>>;
+/// The same of rows that are all this rank's.
+template <class T>
+using UnwrittenRows = std::vector<T, UntouchedMemory<T, false>>;
 
 /// Rows [begin, end) of an array, whose values are not needed any more, take no memory until they are written
 /// again; until then those on whole pages are zero. Elsewhere than under Linux nothing is done.

@@ -158,7 +158,7 @@ ShapeChoice<dim> choose_fluid(const FluidNodes<dim>& nodes,
     int boundary;
     bool watched, possible;
   };
-  UntouchedRows<char> is_fluid(delaunay.size());
+  UnwrittenRows<char> is_fluid(delaunay.size());
   const double finest = range_of(nodes.h)[0];
   const auto look_at = [&](std::size_t s, std::vector<Doubtful>& list)
   {

@@ -264,7 +264,7 @@ private:
   index_t n_wet_;
   Rows& rows_;
   std::span<Vec<dim>> v_half_;
-  UntouchedRows<Lanes> edge_share_; ///< in the plane, beside the rows of the rings
+  UnwrittenRows<Lanes> edge_share_; ///< in the plane, beside the rows of the rings
 };
 
 /// All sweeps over what needs nothing of the neighbours of a share, block by block: each follows the one

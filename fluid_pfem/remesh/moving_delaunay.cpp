@@ -122,8 +122,8 @@ void MovingDelaunay<2>::update(std::span<const Vec<2>> x, double extent)
     rebuild(extent);
     ++count_.rebuilds;
   }
-  x_ = UntouchedRows<Vec<2>>(); // where memory is short
-  positive_ = UntouchedRows<char>();
+  x_ = UnwrittenRows<Vec<2>>(); // where memory is short
+  positive_ = UnwrittenRows<char>();
 }
 
 std::vector<Simplex<2>> MovingDelaunay<2>::simplices() const

@@ -103,10 +103,10 @@ private:
   int threads_;
   std::array<Vec<2>, frame> corner_{}; ///< of the square
   std::size_t points_ = 0;
-  UntouchedRows<Vec<2>> x_;         ///< of the corners and the points, during an update
+  UnwrittenRows<Vec<2>> x_;         ///< of the corners and the points, during an update
   std::vector<Triangle> triangles_; ///< empty: rebuild
   bool complete_ = false;           ///< all points are vertices: no two coincided at the last rebuild
-  UntouchedRows<char> positive_;    ///< of each triangle, during a repair
+  UnwrittenRows<char> positive_;    ///< of each triangle, during a repair
   std::vector<index_t> at_vertex_;  ///< one triangle of each vertex while points are merged and split
   std::vector<std::array<index_t, 2>> stack_; ///< edges to be looked at
   DelaunayCount count_;

@@ -208,7 +208,7 @@ void Fluid<dim>::remesh()
   quality_ = UntouchedRows<float>();
   mass_rate_ = UntouchedRows<double>();
   exchange_energy_ = UntouchedRows<double>(); // booked
-  mesh_.fans = UntouchedRows<FanEntry<dim>>();
+  mesh_.fans = UnwrittenRows<FanEntry<dim>>();
   sums_.record = UntouchedRows<NodeRecord<dim>>();
   sums_.sum = UntouchedRows<FourNumbers>();
   const auto [old_begin, old_end] = rows_to_sum(ranks().alone());
