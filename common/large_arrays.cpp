@@ -30,6 +30,15 @@ constinit Forever of_process;
 
 LargeArrays& large_arrays() { return of_process.arrays; }
 
+void LargeArrays::start(std::size_t least)
+{
+  constexpr std::size_t many = 1024; // lists that grow later would lie behind what is small, and keep it
+  used_.reserve(many);
+  kept_.reserve(many);
+  least_ = least;
+  on_ = true;
+}
+
 #if defined(__linux__)
 
 namespace
@@ -50,8 +59,9 @@ try
     return nullptr;
   const std::size_t size = whole_pages(bytes);
   const std::lock_guard lock(mutex_);
-  used_.reserve(used_.size() + 1);
-  kept_.reserve(kept_.size() + used_.size() + 2); // nothing below, nor a release, has to ask for more
+  for (auto* const list : {&used_, &kept_}) // nothing below, nor a release, has to ask for more
+    if (const std::size_t most = kept_.size() + used_.size() + 2; list->capacity() < most)
+      list->reserve(2 * most);
   Block block = take_kept(size);
   if (block.size < size)
   {
@@ -144,10 +154,17 @@ bool LargeArrays::release(void* memory) noexcept
   return true;
 }
 
+void LargeArrays::return_kept() noexcept
+{
+  const std::lock_guard lock(mutex_);
+  give_back(SIZE_MAX);
+}
+
 #else
 
 void* LargeArrays::allocate(std::size_t) noexcept { return nullptr; }
 bool LargeArrays::release(void*) noexcept { return false; }
+void LargeArrays::return_kept() noexcept {}
 
 #endif
 

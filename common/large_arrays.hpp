@@ -20,11 +20,7 @@ public:
   /// Smallest array that counts [B].
   std::size_t least() const { return least_; }
 
-  void start(std::size_t least = std::size_t{1} << 18)
-  {
-    least_ = least;
-    on_ = true;
-  }
+  void start(std::size_t least = std::size_t{1} << 18);
   /// Nothing is allocated any more.
   void stop() { on_ = false; }
   /// No rank is there whose rows could remain untouched (common/parallel/untouched_rows.hpp).
@@ -35,6 +31,8 @@ public:
   void* allocate(std::size_t bytes) noexcept;
   /// @returns false if it is not from allocate()
   bool release(void* memory) noexcept;
+  /// What is kept goes back to the system: before much is allocated that is small.
+  void return_kept() noexcept;
 
   struct Use
   {

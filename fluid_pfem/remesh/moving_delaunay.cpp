@@ -2,6 +2,7 @@
 #include "fluid_pfem/remesh/moving_delaunay.hpp"
 
 #include "common/lanes.hpp"
+#include "common/large_arrays.hpp"
 #include "common/parallel/in_parts.hpp"
 
 #include <algorithm>
@@ -68,6 +69,7 @@ int in_circle(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c, const Vec<2>& d
 template <int dim>
 void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x, double /*extent*/)
 {
+  large_arrays().return_kept(); // as in the plane
   simplices_ = delaunay(x);
   for (auto& e : simplices_)
     e = canonical<dim>(e);
@@ -76,6 +78,7 @@ void MovingDelaunay<dim>::update(std::span<const Vec<dim>> x, double /*extent*/)
 template <int dim>
 void MovingDelaunay<dim>::update_around(std::span<const Vec<dim>> x, std::span<const char> mine, double reach)
 {
+  large_arrays().return_kept();
   simplices_ = delaunay_around(x, mine, reach);
   for (auto& e : simplices_)
     e = canonical<dim>(e);
@@ -154,6 +157,7 @@ void MovingDelaunay<2>::rebuild(double least_extent)
     corner_[k] = x_[k] =
         centre + Vec<2>{{k & 1 ? 32.0 * extent : -32.0 * extent, k & 2 ? 31.0 * extent : -33.0 * extent}};
 
+  large_arrays().return_kept(); // room for the many small things of which CGAL makes a triangulation
   const std::vector<Simplex<2>> all = delaunay(x_);
   triangles_.resize(all.size());
   struct Side

@@ -46,7 +46,8 @@ int main(int argc, char** argv)
   const double c0 = config.tait.sound_speed(config.tait.rho0);
   const Vec<2> g = leading<2>(config.gravity);
   ElementSums<2> sums;
-  sums.reset(N, 0, N);
+  sums.make_room(N);
+  sums.clear(0, N);
   record_nodes<2>(nodes, config.terms, 0, N, sums);
   std::vector<double> rate(static_cast<std::size_t>(N), 0.0), energy(rate);
   const std::vector<float> quality_before(static_cast<std::size_t>(E), 0.5f);

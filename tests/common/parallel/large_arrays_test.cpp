@@ -68,6 +68,9 @@ TEST_CASE("arrays that were let go serve the next ones, and memory never exceeds
   while (!live.empty())
     let_go(0);
   CHECK(arrays.use().used == 0);
+  CHECK(arrays.use().kept > 0);
+  arrays.return_kept();
+  CHECK(arrays.use().kept == 0);
 }
 
 TEST_CASE("memory that is not from large arrays is left alone", "[common][unit]")
