@@ -308,17 +308,31 @@ TEST_CASE("results do not depend on the number of threads", "[fluid][unit]")
 }
 
 // What memory held before cannot matter: the bits of a run in fresh memory, which is zero, and in memory full
-// of what is no number. Arrays of a page and more are recycled here, in programs those of 256 kB.
+// of what is no number before every remesh. Arrays of a page and more are recycled here, in programs those of
+// 256 kB. A complete rebuild, as every one in space, gives back what is kept: then the rest is fresh.
 TEST_CASE("results do not depend on what recycled memory held", "[fluid][unit]")
 {
-  const auto run = [](FluidConfig config, auto dimension)
+  LargeArrays& arrays = large_arrays();
+  const auto fill_memory = [&arrays]
+  {
+    constexpr std::size_t plenty = 64 << 20;
+    if (void* const memory = arrays.allocate(plenty))
+    {
+      std::memset(memory, 0xff, plenty);
+      arrays.release(memory);
+    }
+  };
+  const auto run = [&](FluidConfig config, auto dimension)
   {
     config.remesh.only_if_moved = false;
     Fluid<decltype(dimension)::value> fluid(config);
     for (int step = 0; step < 90; ++step)
     {
       if (step % 30 == 29)
+      {
+        fill_memory();
         fluid.remesh();
+      }
       fluid.advance(0.9 * fluid.critical_time_step(), 1);
     }
     return std::tuple(fluid.nodes().x, fluid.nodes().v, fluid.nodes().p, fluid.nodes().M,
@@ -331,18 +345,12 @@ TEST_CASE("results do not depend on what recycled memory held", "[fluid][unit]")
   const FluidConfig column = dam_break_config(0.146 / 27.0);
   const auto of_plane = run(column, std::integral_constant<int, 2>{});
   const auto of_space = run(box, std::integral_constant<int, 3>{});
-  LargeArrays& arrays = large_arrays();
+  REQUIRE(arrays.use().asked == 0);
   arrays.start(4096);
   arrays.all_rows_will_be_touched();
-  constexpr std::size_t plenty = 64 << 20;
-  void* const memory = arrays.allocate(plenty);
-  REQUIRE(memory != nullptr);
-  std::memset(memory, 0xff, plenty);
-  REQUIRE(arrays.release(memory));
-  const auto before = arrays.use();
   CHECK((run(column, std::integral_constant<int, 2>{}) == of_plane));
   CHECK((run(box, std::integral_constant<int, 3>{}) == of_space));
-  CHECK(arrays.use().asked == before.asked); // all of it was recycled
+  CHECK(arrays.use().asked > 0);
   arrays.stop();
 }
 
