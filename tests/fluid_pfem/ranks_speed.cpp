@@ -8,6 +8,7 @@
 // of the acts over all ranks; messages and bytes per step and rank; "peak_MB" is the memory of the largest
 // rank; "imbalance" is what the slowest rank computes in its steps over the mean of all, less 1;
 // "wall_halo_s" and so on are the parts of the time on the wall, the mean of all ranks (none on one rank).
+#include "common/large_arrays.hpp"
 #include "common/parallel/mpi_ranks.hpp"
 #include "common/parallel/time_split.hpp"
 #include "common/program/large_arrays.hpp"
@@ -124,6 +125,8 @@ int main(int argc, char** argv)
 {
   recycle_large_arrays();
   MPI_Init(&argc, &argv);
+  if (ranks_of(MPI_COMM_WORLD, 0.0).alone()) // as fluid_pfem
+    large_arrays().all_rows_will_be_touched();
   const double n = argc > 1 ? std::atof(argv[1]) : 22.0;
   const std::int64_t steps = argc > 2 ? std::atoll(argv[2]) : 200;
   const NodeOrder order = argc <= 4                         ? NodeOrder::usual
